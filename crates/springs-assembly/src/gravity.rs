@@ -1,0 +1,41 @@
+//! Gravity as a force emitter.
+
+use crate::{BlockMatrix, ForceEmitter, Weights};
+use nalgebra::Vector3;
+use springs_math::gravity;
+
+/// Uniform gravity on all free nodes.
+#[derive(Clone, Debug)]
+pub struct Gravity {
+    /// m g of each free block, in N; empty without gravity.
+    weights: Vec<Vector3<f64>>,
+}
+
+impl Gravity {
+    pub(crate) fn new(acceleration: &Vector3<f64>, masses: &[f64]) -> Self {
+        let weights = match *acceleration == Vector3::zeros() {
+            true => Vec::new(),
+            false => {
+                let weight = |&mass: &f64| gravity::force(mass, acceleration);
+                masses.iter().map(weight).collect()
+            }
+        };
+        Self { weights }
+    }
+}
+
+impl ForceEmitter for Gravity {
+    fn energy(&self, x: &[Vector3<f64>]) -> f64 {
+        let energy = |(weight, x): (&Vector3<f64>, &Vector3<f64>)| -weight.dot(x);
+        self.weights.iter().zip(x).map(energy).sum()
+    }
+
+    fn add_forces(&self, _x: &[Vector3<f64>], _v: &[Vector3<f64>], forces: &mut [Vector3<f64>]) {
+        for (force, weight) in forces.iter_mut().zip(&self.weights) {
+            *force += weight;
+        }
+    }
+
+    /// Adds nothing: the force does not depend on positions or velocities.
+    fn add_matrix(&self, _x: &[Vector3<f64>], _weights: Weights, _matrix: &mut BlockMatrix) {}
+}

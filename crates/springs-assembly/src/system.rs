@@ -1,0 +1,231 @@
+//! The compiled scene: global forces and matrices for any state.
+
+use crate::{
+    BlockMatrix, BlockPattern, Dashpots, ForceEmitter, Gravity, Numbering, Projection, Springs,
+    Weights,
+};
+use nalgebra::Vector3;
+use springs_scene::Scene;
+use std::sync::Arc;
+
+/// A compiled scene.
+///
+/// `x` and `v` are global vectors of all blocks, in m and m/s, with at least
+/// one entry per node; results are for the free blocks.
+#[derive(Clone, Debug)]
+pub struct System {
+    numbering: Numbering,
+    masses: Vec<f64>,
+    springs: Springs,
+    dashpots: Dashpots,
+    gravity: Gravity,
+    pattern: Arc<BlockPattern>,
+    initial_positions: Vec<Vector3<f64>>,
+    initial_velocities: Vec<Vector3<f64>>,
+    has_moving_anchors: bool,
+}
+
+/// Forces and system matrix at one state, filled by [`System::linearize`].
+#[derive(Clone, Debug)]
+pub struct Linearization {
+    /// Forces that do not depend on velocities, on the free blocks, in N.
+    pub forces: Vec<Vector3<f64>>,
+    /// A = `mass`·M + `damping`·D + `stiffness`·H of the free blocks.
+    pub matrix: BlockMatrix,
+    /// −A·v of the moving anchors' columns, on the free blocks: what the
+    /// elimination of prescribed velocities brings to the right-hand side.
+    /// Zero without moving anchors.
+    pub anchor_load: Vec<Vector3<f64>>,
+}
+
+/// Mechanical energy, in J.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Energy {
+    /// ½ Σ m v² of the free nodes.
+    pub kinetic: f64,
+    /// ½ Σ K(l − l₀)² of all springs.
+    pub elastic: f64,
+    /// −Σ m g·x of the free nodes.
+    pub gravity: f64,
+}
+
+impl Energy {
+    /// The sum.
+    pub fn total(&self) -> f64 {
+        self.kinetic + self.elastic + self.gravity
+    }
+}
+
+impl System {
+    pub(crate) fn new(
+        scene: &Scene,
+        numbering: Numbering,
+        masses: Vec<f64>,
+        springs: Springs,
+        dashpots: Dashpots,
+        gravity: Gravity,
+        pattern: BlockPattern,
+    ) -> Self {
+        let ordered = |of_node: fn(&springs_scene::Node) -> Vector3<f64>| {
+            let nodes: Vec<_> = scene.nodes.iter().map(of_node).collect();
+            let mut blocks = vec![Vector3::zeros(); nodes.len()];
+            numbering.gather(&nodes, &mut blocks);
+            blocks
+        };
+        Self {
+            initial_positions: ordered(|node| node.position),
+            initial_velocities: ordered(|node| node.velocity),
+            has_moving_anchors: scene.nodes.iter().any(|node| node.is_moving_anchor()),
+            numbering,
+            masses,
+            springs,
+            dashpots,
+            gravity,
+            pattern: Arc::new(pattern),
+        }
+    }
+
+    /// Which node is which block.
+    pub fn numbering(&self) -> &Numbering {
+        &self.numbering
+    }
+
+    /// Number of free blocks; the unknowns are three times as many.
+    pub fn n_free(&self) -> usize {
+        self.numbering.n_free()
+    }
+
+    /// Lumped mass of each free block, in kg.
+    pub fn masses(&self) -> &[f64] {
+        &self.masses
+    }
+
+    /// The springs that have a stiffness.
+    pub fn springs(&self) -> &Springs {
+        &self.springs
+    }
+
+    /// The springs that have a damping.
+    pub fn dashpots(&self) -> &Dashpots {
+        &self.dashpots
+    }
+
+    /// Which blocks of the matrices are stored.
+    pub fn pattern(&self) -> &BlockPattern {
+        &self.pattern
+    }
+
+    /// Positions of all blocks in the scene, in m.
+    pub fn initial_positions(&self) -> &[Vector3<f64>] {
+        &self.initial_positions
+    }
+
+    /// Velocities of all blocks in the scene, in m/s.
+    pub fn initial_velocities(&self) -> &[Vector3<f64>] {
+        &self.initial_velocities
+    }
+
+    /// Whether a fixed node has a velocity.
+    pub fn has_moving_anchors(&self) -> bool {
+        self.has_moving_anchors
+    }
+
+    fn emitters(&self) -> [&dyn ForceEmitter; 3] {
+        [&self.springs, &self.dashpots, &self.gravity]
+    }
+
+    /// All forces on the free blocks, in N.
+    ///
+    /// # Panics
+    ///
+    /// If `forces` is shorter than the number of free blocks.
+    pub fn forces(&self, x: &[Vector3<f64>], v: &[Vector3<f64>], forces: &mut [Vector3<f64>]) {
+        let forces = &mut forces[..self.n_free()];
+        forces.fill(Vector3::zeros());
+        for emitter in self.emitters() {
+            emitter.add_forces(x, v, forces);
+        }
+    }
+
+    /// Storage for [`Self::linearize`].
+    pub fn linearization(&self) -> Linearization {
+        let zeros = vec![Vector3::zeros(); self.n_free()];
+        Linearization {
+            forces: zeros.clone(),
+            matrix: BlockMatrix::zeros(self.pattern.clone()),
+            anchor_load: zeros,
+        }
+    }
+
+    /// Forces and system matrix at the positions `x`, without allocating.
+    ///
+    /// `tensions`: one per spring of [`Self::springs`], in N, to take the across
+    /// stiffness T/l from; `None`: their own K(l − l₀). Of `v` only the
+    /// velocities of moving anchors enter.
+    ///
+    /// # Panics
+    ///
+    /// If `out` belongs to another system, or a slice is too short.
+    pub fn linearize(
+        &self,
+        x: &[Vector3<f64>],
+        v: &[Vector3<f64>],
+        projection: Projection,
+        tensions: Option<&[f64]>,
+        weights: Weights,
+        out: &mut Linearization,
+    ) {
+        out.forces.fill(Vector3::zeros());
+        out.anchor_load.fill(Vector3::zeros());
+        out.matrix.set_mass(weights.mass, &self.masses);
+        self.springs
+            .linearize(x, v, projection, tensions, weights.stiffness, out);
+        self.gravity.add_forces(x, v, &mut out.forces);
+        self.dashpots.linearize(x, v, weights.damping, out);
+    }
+
+    /// Mechanical energy, in J.
+    pub fn energy(&self, x: &[Vector3<f64>], v: &[Vector3<f64>]) -> Energy {
+        let masses_and_velocities = self.masses.iter().zip(v);
+        Energy {
+            kinetic: masses_and_velocities
+                .map(|(mass, v)| 0.5 * mass * v.norm_squared())
+                .sum(),
+            elastic: self.springs.energy(x),
+            gravity: self.gravity.energy(x),
+        }
+    }
+
+    /// Power, in W, that moving anchors give to the system.
+    pub fn anchor_power(&self, x: &[Vector3<f64>], v: &[Vector3<f64>]) -> f64 {
+        let n_free = self.n_free();
+        self.springs.anchor_power(x, v, n_free) + self.dashpots.anchor_power(x, v, n_free)
+    }
+
+    /// A bound on the angular frequency of every motion in every
+    /// configuration, in rad/s: ω² ≤ max (2/m) Σ K over the springs of a node
+    /// (Gershgorin). Infinite if a massless node has a spring, zero without
+    /// springs.
+    pub fn frequency_bound(&self) -> f64 {
+        let bound = self.largest_per_mass(|sums| self.springs.add_stiffness_sums(sums));
+        (2.0 * bound).sqrt()
+    }
+
+    /// A bound on the decay rate that dashpots give to any motion in any
+    /// configuration, in 1/s: max (2/m) Σ c over the dashpots of a node.
+    pub fn damping_rate_bound(&self) -> f64 {
+        2.0 * self.largest_per_mass(|sums| self.dashpots.add_damping_sums(sums))
+    }
+
+    /// The largest sum per mass over the free blocks; 0/0 counts as 0.
+    fn largest_per_mass(&self, add_sums: impl FnOnce(&mut [f64])) -> f64 {
+        let mut sums = vec![0.0; self.n_free()];
+        add_sums(&mut sums);
+        let ratios = sums.iter().zip(&self.masses).map(
+            |(&sum, &mass)| {
+                if sum == 0.0 { 0.0 } else { sum / mass }
+            },
+        );
+        ratios.fold(0.0, f64::max)
+    }
+}

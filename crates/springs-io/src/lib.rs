@@ -1,0 +1,1 @@
+//! Reads and writes mass-spring scenes (RON) and writes trajectories and reports.

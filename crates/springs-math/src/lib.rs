@@ -1,0 +1,33 @@
+//! Energy, force and Hessian kernels of mass-spring systems.
+//!
+//! Formulas of one term at a time, for someone with their own solver: the
+//! [`spring`], the [`dashpot`] along a spring and [`gravity`]. Every function
+//! is generic over the dimension `D` = 1, 2 or 3, allocates nothing, and knows
+//! neither node indices nor matrices nor time. [`lanes`] holds the same spring
+//! formulas for several springs side by side.
+//!
+//! Signs, once: a force is f = −∂V/∂x and a Hessian is H = +∂²V/∂x². With
+//! Δx = x₁ − x₀, the force on node 0 of a stretched spring points along +Δx.
+//! "Eq. n" is equation n of the note *Springs* (2013).
+//!
+//! ```
+//! use nalgebra::Vector3;
+//! use springs_math::spring::{self, Spring};
+//!
+//! let spring = Spring { stiffness: 100.0, rest_length: 1.0 };
+//! let (x0, x1) = (Vector3::zeros(), Vector3::new(0.0, 0.0, 1.5));
+//! assert_eq!(spring::energy(spring, &x0, &x1), 12.5);
+//! assert_eq!(spring::force(spring, &x0, &x1), Vector3::new(0.0, 0.0, 50.0));
+//! ```
+//!
+//! Without the default feature `std` the crate is `no_std`.
+
+#![cfg_attr(not(feature = "std"), no_std)]
+
+pub mod dashpot;
+pub mod gravity;
+pub mod lanes;
+mod separation;
+pub mod spring;
+
+pub use separation::{COINCIDENT, Separation};

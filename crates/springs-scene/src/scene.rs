@@ -1,0 +1,176 @@
+//! Nodes, springs and the scene that holds them.
+
+use crate::Settings;
+use nalgebra::Vector3;
+
+/// A point mass: three coordinates, the note's degrees of freedom.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Node {
+    /// x at time 0, in m.
+    pub position: Vector3<f64>,
+    /// v at time 0, in m/s.
+    pub velocity: Vector3<f64>,
+    /// A point mass on top of what springs give, in kg.
+    pub mass: f64,
+    /// Whether the node follows x₀ + v t whatever pulls at it.
+    pub fixed: bool,
+}
+
+impl Node {
+    /// A free node at rest, without mass of its own; `position` in m.
+    pub fn at(position: Vector3<f64>) -> Self {
+        Self {
+            position,
+            velocity: Vector3::zeros(),
+            mass: 0.0,
+            fixed: false,
+        }
+    }
+
+    /// A node that stands still at `position`, in m.
+    pub fn fixed(position: Vector3<f64>) -> Self {
+        Self {
+            fixed: true,
+            ..Self::at(position)
+        }
+    }
+
+    /// Whether the node is fixed and moves.
+    pub fn is_moving_anchor(&self) -> bool {
+        self.fixed && self.velocity != Vector3::zeros()
+    }
+}
+
+/// A spring between two nodes, with a dashpot along it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spring {
+    /// Indices of its two nodes, from 0.
+    pub nodes: [usize; 2],
+    /// K, in N/m.
+    pub stiffness: f64,
+    /// l₀, in m.
+    pub rest_length: f64,
+    /// Mass in kg; half goes to each node.
+    pub mass: f64,
+    /// Damping c of the dashpot along it, in N·s/m.
+    pub damping: f64,
+}
+
+/// Everything that a simulation starts from.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Scene {
+    /// A name for people; may be empty.
+    pub name: String,
+    /// g, in m/s².
+    pub gravity: Vector3<f64>,
+    /// Nodes; springs refer to them by index.
+    pub nodes: Vec<Node>,
+    /// Springs.
+    pub springs: Vec<Spring>,
+    /// How to simulate it.
+    pub settings: Settings,
+}
+
+impl Scene {
+    /// Appends a node and returns its index.
+    pub fn add_node(&mut self, node: Node) -> usize {
+        self.nodes.push(node);
+        self.nodes.len() - 1
+    }
+
+    /// Appends a massless, undamped spring of the given stiffness in N/m, at
+    /// rest at the present distance of its nodes, and returns its index.
+    ///
+    /// # Panics
+    ///
+    /// If a node does not exist.
+    pub fn add_spring(&mut self, first: usize, second: usize, stiffness: f64) -> usize {
+        self.springs.push(Spring {
+            nodes: [first, second],
+            stiffness,
+            rest_length: self.distance(first, second),
+            mass: 0.0,
+            damping: 0.0,
+        });
+        self.springs.len() - 1
+    }
+
+    /// Shares a total mass in kg over the springs in proportion to their rest
+    /// lengths; equally if all rest lengths are zero.
+    pub fn share_mass(&mut self, total: f64) {
+        let sum: f64 = self.springs.iter().map(|spring| spring.rest_length).sum();
+        let count = self.springs.len() as f64;
+        for spring in &mut self.springs {
+            let share = if sum > 0.0 {
+                spring.rest_length / sum
+            } else {
+                1.0 / count
+            };
+            spring.mass = total * share;
+        }
+    }
+
+    /// Mass of every node in kg: its own and half of each of its springs'.
+    ///
+    /// # Panics
+    ///
+    /// If a spring refers to a node that does not exist.
+    pub fn node_masses(&self) -> Vec<f64> {
+        let mut masses: Vec<f64> = self.nodes.iter().map(|node| node.mass).collect();
+        for spring in &self.springs {
+            for node in spring.nodes {
+                masses[node] += 0.5 * spring.mass;
+            }
+        }
+        masses
+    }
+
+    /// Length of the diagonal of the box around all nodes, in m: the size that
+    /// default tolerances refer to.
+    pub fn size(&self) -> f64 {
+        let Some(first) = self.nodes.first() else {
+            return 0.0;
+        };
+        let (mut low, mut high) = (first.position, first.position);
+        for node in &self.nodes {
+            low = low.inf(&node.position);
+            high = high.sup(&node.position);
+        }
+        (high - low).norm()
+    }
+
+    fn distance(&self, first: usize, second: usize) -> f64 {
+        (self.nodes[first].position - self.nodes[second].position).norm()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn masses_come_from_nodes_and_springs() {
+        let mut scene = Scene::default();
+        for x in [0.0, 1.0, 4.0] {
+            scene.add_node(Node::at(Vector3::new(x, 0.0, 0.0)));
+        }
+        scene.nodes[2].mass = 0.5;
+        scene.add_spring(0, 1, 1.0);
+        scene.add_spring(1, 2, 1.0);
+        scene.share_mass(8.0);
+        assert_eq!(scene.node_masses(), [1.0, 4.0, 3.5]);
+        assert_eq!(scene.size(), 4.0);
+    }
+
+    #[test]
+    fn zero_rest_lengths_share_mass_equally() {
+        let mut scene = Scene::default();
+        for _ in 0..3 {
+            scene.add_node(Node::at(Vector3::zeros()));
+        }
+        scene.add_spring(0, 1, 1.0);
+        scene.add_spring(1, 2, 1.0);
+        scene.share_mass(1.0);
+        assert_eq!(scene.node_masses(), [0.25, 0.5, 0.25]);
+    }
+}

@@ -1,0 +1,158 @@
+//! How to simulate a scene.
+
+use std::fmt;
+use std::str::FromStr;
+
+/// Settings of a simulation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// The method that advances the scene.
+    pub method: Method,
+    /// How the across-spring stiffness enters the matrix; `None`: the method's
+    /// own default.
+    pub tangent: Option<Tangent>,
+    /// How step sizes are chosen.
+    pub step: StepControl,
+    /// Simulated time, in s.
+    pub duration: f64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            method: Method::Auto,
+            tangent: None,
+            step: StepControl::Auto,
+            duration: 1.0,
+        }
+    }
+}
+
+/// How step sizes are chosen.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum StepControl {
+    /// Nothing was asked for.
+    #[default]
+    Auto,
+    /// Steps of exactly this size, in s.
+    Fixed(f64),
+    /// Steps such that the error of positions stays below this, in m.
+    Tolerance(f64),
+}
+
+/// An enum whose variants have one name in scene files (`CamelCase`) and the
+/// same name in kebab-case on the command line.
+macro_rules! named {
+    (
+        $(#[$doc:meta])*
+        $name:ident, $what:literal {
+            $($(#[$variant_doc:meta])* $variant:ident = $kebab:literal,)+
+        }
+    ) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        pub enum $name {
+            $($(#[$variant_doc])* $variant,)+
+        }
+
+        impl $name {
+            /// All of them.
+            pub const ALL: &[Self] = &[$(Self::$variant),+];
+
+            /// The name in scene files, in CamelCase.
+            pub fn name(self) -> &'static str {
+                match self {
+                    $(Self::$variant => stringify!($variant),)+
+                }
+            }
+
+            /// The name on the command line, in kebab-case.
+            pub fn kebab_name(self) -> &'static str {
+                match self {
+                    $(Self::$variant => $kebab,)+
+                }
+            }
+        }
+
+        /// The name in kebab-case.
+        impl fmt::Display for $name {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.pad(self.kebab_name())
+            }
+        }
+
+        /// From either name.
+        impl FromStr for $name {
+            type Err = UnknownName;
+
+            fn from_str(name: &str) -> Result<Self, UnknownName> {
+                Self::ALL
+                    .iter()
+                    .copied()
+                    .find(|one| one.name() == name || one.kebab_name() == name)
+                    .ok_or_else(|| UnknownName {
+                        what: $what,
+                        name: name.to_owned(),
+                        known: Self::ALL.iter().map(|one| one.kebab_name()).collect(),
+                    })
+            }
+        }
+    };
+}
+
+named! {
+    /// A time integration method.
+    Method, "method" {
+        /// Chosen from the scene.
+        Auto = "auto",
+        /// The step of the note: one linearization, one solve; order 1.
+        LinearlyImplicitEuler = "linearly-implicit-euler",
+        /// Explicit kick–drift–kick; order 2.
+        VelocityVerlet = "velocity-verlet",
+    }
+}
+
+named! {
+    /// How the across-spring stiffness enters the matrix of an implicit step.
+    Tangent, "tangent" {
+        /// As it is; clamped only when the matrix is not positive definite.
+        Exact = "exact",
+        /// Negative across stiffness becomes zero.
+        Clamped = "clamped",
+        /// Negative across stiffness changes its sign.
+        Absolute = "absolute",
+        /// No across stiffness.
+        Material = "material",
+        /// Across stiffness from a tension carried from step to step.
+        Filtered = "filtered",
+    }
+}
+
+/// A name that is not in the list of known ones.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("unknown {what} `{name}`; known are {}", known.join(", "))]
+pub struct UnknownName {
+    what: &'static str,
+    name: String,
+    known: Vec<&'static str>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_read_back() {
+        for &method in Method::ALL {
+            assert_eq!(method.name().parse(), Ok(method));
+            assert_eq!(method.kebab_name().parse(), Ok(method));
+        }
+        for &tangent in Tangent::ALL {
+            assert_eq!(tangent.to_string().parse(), Ok(tangent));
+        }
+        assert_eq!(
+            "verlet".parse::<Tangent>().unwrap_err().to_string(),
+            "unknown tangent `verlet`; known are exact, clamped, absolute, material, filtered"
+        );
+    }
+}

@@ -1,0 +1,73 @@
+//! States between two steps.
+
+use crate::NodeStates;
+use nalgebra::Vector3;
+
+/// The state at `start + fraction·h` of a step of size `h` [s] from `before` to
+/// `after`, to the given order of the method: linear for order 1, cubic Hermite
+/// for more.
+///
+/// # Panics
+///
+/// If the three do not have the same number of nodes.
+pub fn interpolate(
+    order: u32,
+    before: &NodeStates,
+    after: &NodeStates,
+    h: f64,
+    fraction: f64,
+    out: &mut NodeStates,
+) {
+    let n = out.positions.len();
+    assert_eq!(before.positions.len(), n, "the same nodes");
+    assert_eq!(after.positions.len(), n, "the same nodes");
+    for node in 0..n {
+        let (x0, x1) = (before.positions[node], after.positions[node]);
+        let (v0, v1) = (before.velocities[node], after.velocities[node]);
+        (out.positions[node], out.velocities[node]) = match order {
+            1 => (x0.lerp(&x1, fraction), v0.lerp(&v1, fraction)),
+            _ => hermite([x0, x1], [v0, v1], h, fraction),
+        };
+    }
+}
+
+/// Value and derivative of the cubic with the given values and derivatives.
+fn hermite(
+    [x0, x1]: [Vector3<f64>; 2],
+    [v0, v1]: [Vector3<f64>; 2],
+    h: f64,
+    s: f64,
+) -> (Vector3<f64>, Vector3<f64>) {
+    let slope = (x1 - x0) / h;
+    let curved = v0 + v1 - slope * 2.0;
+    let bend = slope * 3.0 - v0 * 2.0 - v1;
+    let position = x0 + (v0 + (bend + curved * s) * s) * (s * h);
+    let velocity = v0 + (bend * 2.0 + curved * (3.0 * s)) * s;
+    (position, velocity)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cubic_motion_is_reproduced() {
+        let x = |t: f64| Vector3::new(1.0 + t * (2.0 - t * (0.5 - 3.0 * t)), t, 0.0);
+        let v = |t: f64| Vector3::new(2.0 - t * (1.0 - 9.0 * t), 1.0, 0.0);
+        let state = |t: f64| NodeStates {
+            positions: vec![x(t)],
+            velocities: vec![v(t)],
+        };
+        let (before, after) = (state(0.3), state(0.8));
+        let mut between = before.clone();
+        for fraction in [0.0, 0.25, 0.7, 1.0] {
+            interpolate(2, &before, &after, 0.5, fraction, &mut between);
+            let expected = state(0.3 + 0.5 * fraction);
+            assert!((between.positions[0] - expected.positions[0]).norm() < 1e-14);
+            assert!((between.velocities[0] - expected.velocities[0]).norm() < 1e-14);
+        }
+        interpolate(1, &before, &after, 0.5, 0.5, &mut between);
+        let middle = (before.positions[0] + after.positions[0]) / 2.0;
+        assert_eq!(between.positions[0], middle);
+    }
+}

@@ -1,0 +1,47 @@
+//! Time integration of mass-spring scenes.
+//!
+//! [`Simulation`] runs a scene from its settings and hands out frames;
+//! [`Stepper`] makes single steps for someone who writes their own loop; a
+//! [`Method`] is one way to make a step, and others can be added from outside.
+//!
+//! ```
+//! use springs_scene::generate::{Material, chain};
+//! use springs_step::{NodeStates, Stepper};
+//!
+//! let scene = chain(10, Material::of_chain(10));
+//! let mut nodes = NodeStates::of(&scene);
+//! let mut stepper = Stepper::new(&scene)?;
+//! while stepper.time() < 0.5 {
+//!     stepper.step(&mut nodes, 1.0 / 60.0)?;
+//! }
+//! assert!(nodes.positions[10].z < -0.4, "the chain swings down");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod anchors;
+mod choose;
+mod error;
+mod interpolate;
+mod ledger;
+mod linearly_implicit_euler;
+mod method;
+mod plan;
+mod simulation;
+mod state;
+mod stepper;
+mod velocity_verlet;
+mod work;
+
+pub use anchors::Anchors;
+pub use choose::{Choice, DEFAULT_STEP, choose};
+pub use error::{MethodError, SetupError, StepError};
+pub use interpolate::interpolate;
+pub use ledger::Ledger;
+pub use linearly_implicit_euler::LinearlyImplicitEuler;
+pub use method::{Interval, Method, Quadrature};
+pub use plan::StepPlan;
+pub use simulation::{Frame, Observer, Outcome, Simulation};
+pub use state::{NodeStates, State};
+pub use stepper::Stepper;
+pub use velocity_verlet::VelocityVerlet;
+pub use work::{Counts, Phases, Work};

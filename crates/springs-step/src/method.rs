@@ -1,0 +1,73 @@
+//! What a time integration method is.
+
+use crate::{Anchors, MethodError, State, Work};
+use springs_assembly::System;
+
+/// The time span of one step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Interval {
+    /// Time at its start, in s.
+    pub start: f64,
+    /// Time at its end, in s; start + size up to rounding.
+    pub end: f64,
+    /// Step size h, in s, exactly as asked for.
+    pub size: f64,
+}
+
+/// Weights of the powers at start and end of a step when the energy ledger
+/// integrates heat and work over it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Quadrature {
+    /// Weight at the start.
+    pub start: f64,
+    /// Weight at the end.
+    pub end: f64,
+}
+
+impl Quadrature {
+    /// The rule that backward methods use for forces.
+    pub const END: Self = Self {
+        start: 0.0,
+        end: 1.0,
+    };
+    /// The trapezoidal rule.
+    pub const TRAPEZOIDAL: Self = Self {
+        start: 0.5,
+        end: 0.5,
+    };
+}
+
+/// A one-step method for M dv/dt = f(x, v), dx/dt = v.
+///
+/// A method owns its workspace and allocates nothing in [`Self::step`] once it
+/// is warm. It may carry hidden state (a tension, an acceleration) from step to
+/// step; [`Self::restart`] tells it that the state was changed from outside.
+pub trait Method {
+    /// Order of consistency.
+    fn order(&self) -> u32;
+
+    /// Forgets hidden state; the next step starts from positions and
+    /// velocities alone.
+    fn restart(&mut self);
+
+    /// Advances the free blocks of `state` over `interval`, puts the fixed ones
+    /// where `anchors` has them at its end, and adds what it did to `work`.
+    /// `state.time` is the caller's.
+    ///
+    /// # Errors
+    ///
+    /// If the step cannot be made; `state` is then undefined.
+    fn step(
+        &mut self,
+        system: &System,
+        anchors: &Anchors,
+        interval: Interval,
+        state: &mut State,
+        work: &mut Work,
+    ) -> Result<(), MethodError>;
+
+    /// How the energy ledger integrates over a step.
+    fn quadrature(&self) -> Quadrature {
+        Quadrature::TRAPEZOIDAL
+    }
+}

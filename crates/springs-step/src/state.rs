@@ -1,0 +1,88 @@
+//! Positions and velocities, in the order of the scene and of the unknowns.
+
+use nalgebra::Vector3;
+use springs_assembly::System;
+use springs_scene::Scene;
+
+/// Positions [m] and velocities [m/s] of all nodes, in the order of the scene.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct NodeStates {
+    /// x of each node, in m.
+    pub positions: Vec<Vector3<f64>>,
+    /// v of each node, in m/s.
+    pub velocities: Vec<Vector3<f64>>,
+}
+
+impl NodeStates {
+    /// Those of the scene at time 0.
+    pub fn of(scene: &Scene) -> Self {
+        Self {
+            positions: scene.nodes.iter().map(|node| node.position).collect(),
+            velocities: scene.nodes.iter().map(|node| node.velocity).collect(),
+        }
+    }
+
+    /// Writes them into the nodes of a scene, so that it continues from here.
+    ///
+    /// # Panics
+    ///
+    /// If the scene has another number of nodes.
+    pub fn write_to(&self, scene: &mut Scene) {
+        assert_eq!(scene.nodes.len(), self.positions.len(), "the same nodes");
+        let states = self.positions.iter().zip(&self.velocities);
+        for (node, (position, velocity)) in scene.nodes.iter_mut().zip(states) {
+            node.position = *position;
+            node.velocity = *velocity;
+        }
+    }
+}
+
+/// The global vectors: all blocks in compiled order, the unknowns first.
+#[derive(Clone, Debug, PartialEq)]
+pub struct State {
+    /// Time since the start, in s.
+    pub time: f64,
+    /// Positions, in m.
+    pub x: Vec<Vector3<f64>>,
+    /// Velocities, in m/s.
+    pub v: Vec<Vector3<f64>>,
+}
+
+impl State {
+    /// That of the scene at time 0.
+    pub(crate) fn initial(system: &System) -> Self {
+        Self {
+            time: 0.0,
+            x: system.initial_positions().to_vec(),
+            v: system.initial_velocities().to_vec(),
+        }
+    }
+
+    /// Collects the nodes into the global vectors; says whether anything
+    /// differs from what was there.
+    pub(crate) fn gather(&mut self, system: &System, nodes: &NodeStates) -> bool {
+        let numbering = system.numbering();
+        assert_eq!(nodes.positions.len(), numbering.n_nodes(), "all nodes");
+        assert_eq!(nodes.velocities.len(), numbering.n_nodes(), "all nodes");
+        let mut differs = false;
+        for (block, (x, v)) in self.x.iter_mut().zip(&mut self.v).enumerate() {
+            let node = numbering.node(block);
+            differs |= *x != nodes.positions[node] || *v != nodes.velocities[node];
+            *x = nodes.positions[node];
+            *v = nodes.velocities[node];
+        }
+        differs
+    }
+
+    /// Copies the global vectors back to the nodes.
+    pub(crate) fn scatter(&self, system: &System, nodes: &mut NodeStates) {
+        system.numbering().scatter(&self.x, &mut nodes.positions);
+        system.numbering().scatter(&self.v, &mut nodes.velocities);
+    }
+
+    /// The first free block with a position or velocity that is not finite.
+    pub(crate) fn first_not_finite(&self, n_free: usize) -> Option<usize> {
+        let finite = |vector: &Vector3<f64>| vector.iter().all(|c| c.is_finite());
+        (0..n_free).find(|&block| !finite(&self.x[block]) || !finite(&self.v[block]))
+    }
+}

@@ -1,0 +1,185 @@
+//! Single steps: gather, step, copy back.
+
+use crate::choose::choose;
+use crate::{
+    Anchors, Choice, Interval, Method, MethodError, NodeStates, SetupError, State, StepError, Work,
+};
+use springs_assembly::{System, compile};
+use springs_scene::Scene;
+
+/// A compiled scene with a method that advances it.
+pub struct Stepper {
+    system: System,
+    method: Box<dyn Method>,
+    anchors: Anchors,
+    state: State,
+    /// Steps of one size are counted, so that time is not summed up.
+    clock: Clock,
+    steps: u64,
+}
+
+/// Time as `since + steps·size`.
+#[derive(Clone, Copy, Debug)]
+struct Clock {
+    since: f64,
+    steps: u64,
+    size: f64,
+}
+
+impl Clock {
+    fn time(&self) -> f64 {
+        self.since + self.steps as f64 * self.size
+    }
+
+    /// The next step of size `h`.
+    fn next(&self, h: f64) -> Self {
+        let (since, steps) = match self.size == h {
+            true => (self.since, self.steps),
+            false => (self.time(), 0),
+        };
+        Self {
+            since,
+            steps: steps + 1,
+            size: h,
+        }
+    }
+}
+
+impl Stepper {
+    /// Compiles the scene with the method of its settings.
+    ///
+    /// # Errors
+    ///
+    /// If the scene is wrong or the method cannot move it.
+    pub fn new(scene: &Scene) -> Result<Self, SetupError> {
+        let system = compile(scene)?;
+        let choice = choose(&system, &scene.settings)?;
+        Self::chosen(system, &choice)
+    }
+
+    pub(crate) fn chosen(system: System, choice: &Choice) -> Result<Self, SetupError> {
+        let method = choice.build(&system)?;
+        Ok(Self::with_method(system, method))
+    }
+
+    /// A compiled scene with any method, for example one's own.
+    pub fn with_method(system: System, method: Box<dyn Method>) -> Self {
+        let state = State::initial(&system);
+        Self {
+            anchors: Anchors::new(&system, &state),
+            clock: Clock {
+                since: 0.0,
+                steps: 0,
+                size: 0.0,
+            },
+            steps: 0,
+            system,
+            method,
+            state,
+        }
+    }
+
+    /// Time since the start, in s.
+    pub fn time(&self) -> f64 {
+        self.state.time
+    }
+
+    /// Steps made so far.
+    pub fn steps(&self) -> u64 {
+        self.steps
+    }
+
+    /// The compiled scene.
+    pub fn system(&self) -> &System {
+        &self.system
+    }
+
+    /// The method.
+    pub fn method(&self) -> &dyn Method {
+        &*self.method
+    }
+
+    /// The global vectors after the last step.
+    pub fn state(&self) -> &State {
+        &self.state
+    }
+
+    /// Makes one step of size `h` in s: section 2.1 of the note.
+    ///
+    /// The nodes may have been changed since the last step; the method then
+    /// starts afresh from their positions and velocities.
+    ///
+    /// # Errors
+    ///
+    /// If the step cannot be made; `nodes` then is as it was before.
+    ///
+    /// # Panics
+    ///
+    /// If `nodes` does not have the nodes of the scene.
+    pub fn step(&mut self, nodes: &mut NodeStates, h: f64) -> Result<Work, StepError> {
+        let clock = self.clock.next(h);
+        let work = self.step_until(nodes, clock.time(), h)?;
+        self.clock = clock;
+        Ok(work)
+    }
+
+    /// [`Self::step`] to a time `end` that is one step away up to rounding.
+    pub(crate) fn step_until(
+        &mut self,
+        nodes: &mut NodeStates,
+        end: f64,
+        h: f64,
+    ) -> Result<Work, StepError> {
+        let start = self.state.time;
+        let interval = Interval {
+            start,
+            end,
+            size: h,
+        };
+        let mut work = Work::default();
+        self.gather(nodes);
+        if let Err(error) = self.advance(interval, &mut work) {
+            self.state.gather(&self.system, nodes);
+            self.method.restart();
+            return Err(error);
+        }
+        self.state.scatter(&self.system, nodes);
+        self.state.time = end;
+        self.steps += 1;
+        work.counts.steps = 1;
+        Ok(work)
+    }
+
+    /// Collects positions and velocities of the nodes into the global vectors.
+    fn gather(&mut self, nodes: &NodeStates) {
+        if self.state.gather(&self.system, nodes) {
+            self.anchors = Anchors::new(&self.system, &self.state);
+            self.method.restart();
+        }
+    }
+
+    fn advance(&mut self, interval: Interval, work: &mut Work) -> Result<(), StepError> {
+        let (step, time, step_size) = (self.steps + 1, interval.start, interval.size);
+        let node = |block| self.system.numbering().node(block);
+        let made = self
+            .method
+            .step(&self.system, &self.anchors, interval, &mut self.state, work);
+        if let Err(MethodError::NotPositiveDefinite { block }) = made {
+            return Err(StepError::NotPositiveDefinite {
+                node: node(block),
+                step,
+                time,
+                step_size,
+            });
+        }
+        match self.state.first_not_finite(self.system.n_free()) {
+            None => Ok(()),
+            Some(block) => Err(StepError::NotFinite {
+                node: node(block),
+                step,
+                time,
+                step_size,
+            }),
+        }
+    }
+}

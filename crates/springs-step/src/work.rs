@@ -1,0 +1,71 @@
+//! What steps cost: counts and times.
+
+use std::ops::AddAssign;
+use std::time::{Duration, Instant};
+
+/// How often each kind of work was done.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Steps made.
+    pub steps: u64,
+    /// Steps made and thrown away because their error was too large.
+    pub rejected_steps: u64,
+    /// Evaluations of all forces.
+    pub force_evaluations: u64,
+    /// Orderings and symbolic factorizations.
+    pub symbolic_factorizations: u64,
+    /// Numeric factorizations.
+    pub factorizations: u64,
+    /// Solutions of a linear system.
+    pub solves: u64,
+    /// Newton iterations.
+    pub newton_iterations: u64,
+    /// Springs whose negative across stiffness was clamped on demand, summed
+    /// over steps.
+    pub clamped_springs: u64,
+}
+
+/// Where the time of steps went.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Phases {
+    /// Forces and matrices.
+    pub assembly: Duration,
+    /// Numeric factorization.
+    pub factorization: Duration,
+    /// Solution of linear systems.
+    pub solve: Duration,
+}
+
+/// Counts and times together.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Work {
+    /// How often.
+    pub counts: Counts,
+    /// How long.
+    pub phases: Phases,
+}
+
+impl AddAssign for Work {
+    fn add_assign(&mut self, other: Self) {
+        let (a, b) = (&mut self.counts, other.counts);
+        a.steps += b.steps;
+        a.rejected_steps += b.rejected_steps;
+        a.force_evaluations += b.force_evaluations;
+        a.symbolic_factorizations += b.symbolic_factorizations;
+        a.factorizations += b.factorizations;
+        a.solves += b.solves;
+        a.newton_iterations += b.newton_iterations;
+        a.clamped_springs += b.clamped_springs;
+        self.phases.assembly += other.phases.assembly;
+        self.phases.factorization += other.phases.factorization;
+        self.phases.solve += other.phases.solve;
+    }
+}
+
+/// Runs `work` and adds its time to `phase`.
+pub(crate) fn timed<R>(phase: &mut Duration, work: impl FnOnce() -> R) -> R {
+    let start = Instant::now();
+    let result = work();
+    *phase += start.elapsed();
+    result
+}
