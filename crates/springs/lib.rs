@@ -11,6 +11,9 @@
 //! | [`step`] | `springs-step` | methods, time loop, frames, report |
 //! | [`io`] | `springs-io` | scene files, trajectories, reports |
 //!
+//! and what belongs to no single one of them: [`report`], [`inspect`] and
+//! [`filmstrip`].
+//!
 //! ```
 //! use springs::scene::generate::{Material, cloth};
 //! use springs::step::{Outcome, Simulation};
@@ -21,6 +24,10 @@
 //! assert!(simulation.nodes().positions[63].z < 0.0, "the cloth falls");
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
+
+pub mod filmstrip;
+pub mod inspect;
+pub mod report;
 
 pub use springs_assembly as assembly;
 pub use springs_io as io;

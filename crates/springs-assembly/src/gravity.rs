@@ -26,8 +26,8 @@ impl Gravity {
 
 impl ForceEmitter for Gravity {
     fn energy(&self, x: &[Vector3<f64>]) -> f64 {
-        let energy = |(weight, x): (&Vector3<f64>, &Vector3<f64>)| -weight.dot(x);
-        self.weights.iter().zip(x).map(energy).sum()
+        let weighted = self.weights.iter().zip(x);
+        weighted.fold(0.0, |energy, (weight, x)| energy - weight.dot(x))
     }
 
     fn add_forces(&self, _x: &[Vector3<f64>], _v: &[Vector3<f64>], forces: &mut [Vector3<f64>]) {

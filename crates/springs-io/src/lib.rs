@@ -1,1 +1,38 @@
-//! Reads and writes mass-spring scenes (RON) and writes trajectories and reports.
+//! Reads and writes mass-spring scenes, trajectories and reports.
+//!
+//! Scenes are RON files, described in [`parse_scene`]; trajectories are CSV;
+//! reports are JSON. Every file appears whole or not at all.
+//!
+//! ```
+//! let text = "Scene(
+//!     version: 1,
+//!     nodes: [(position: (0, 0, 0), fixed: true), (position: [0, 0, -1], mass: 0.2)],
+//!     springs: [(nodes: (0, 1), stiffness: 100)],
+//! )";
+//! let scene = springs_io::parse_scene("pendulum.ron", text)?;
+//! assert_eq!(scene.springs[0].rest_length, 1.0);
+//!
+//! let error = springs_io::parse_scene("pendulum.ron", &text.replace("100", "-1")).unwrap_err();
+//! assert_eq!(
+//!     error.to_string(),
+//!     "pendulum.ron:4:38: springs[0].stiffness: \
+//!      the stiffness of spring 0 must not be negative, but is -1"
+//! );
+//! # Ok::<(), springs_io::SceneError>(())
+//! ```
+
+mod atomic;
+mod locate;
+mod read;
+mod report;
+mod scene_file;
+mod trajectory;
+mod write;
+
+pub use atomic::{WriteError, write_whole};
+pub use read::{Finding, SceneError, decode_scene, parse_scene, read_scene};
+pub use report::{
+    EnergyReport, EnergySum, FailureReport, Report, SecondsReport, read_report, write_report,
+};
+pub use trajectory::{TrajectoryFrame, TrajectoryWriter};
+pub use write::{scene_to_string, write_scene};

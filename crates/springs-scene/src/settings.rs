@@ -93,7 +93,10 @@ macro_rules! named {
                     .ok_or_else(|| UnknownName {
                         what: $what,
                         name: name.to_owned(),
-                        known: Self::ALL.iter().map(|one| one.kebab_name()).collect(),
+                        known: match name.starts_with(char::is_uppercase) {
+                            true => Self::ALL.iter().map(|one| one.name()).collect(),
+                            false => Self::ALL.iter().map(|one| one.kebab_name()).collect(),
+                        },
                     })
             }
         }
@@ -128,7 +131,8 @@ named! {
     }
 }
 
-/// A name that is not in the list of known ones.
+/// A name that is not in the list of known ones, which are given in the same
+/// style.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("unknown {what} `{name}`; known are {}", known.join(", "))]
 pub struct UnknownName {
@@ -153,6 +157,10 @@ mod tests {
         assert_eq!(
             "verlet".parse::<Tangent>().unwrap_err().to_string(),
             "unknown tangent `verlet`; known are exact, clamped, absolute, material, filtered"
+        );
+        assert_eq!(
+            "Verlet".parse::<Tangent>().unwrap_err().to_string(),
+            "unknown tangent `Verlet`; known are Exact, Clamped, Absolute, Material, Filtered"
         );
     }
 }

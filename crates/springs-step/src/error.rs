@@ -96,6 +96,25 @@ impl StepError {
         }
     }
 
+    /// Time at the start of the step in s, the step counted from 1, and its
+    /// size in s.
+    pub fn when(&self) -> (f64, u64, f64) {
+        match *self {
+            Self::NotPositiveDefinite {
+                time,
+                step,
+                step_size,
+                ..
+            }
+            | Self::NotFinite {
+                time,
+                step,
+                step_size,
+                ..
+            } => (time, step, step_size),
+        }
+    }
+
     /// What to do about it.
     pub fn advice(&self) -> &'static str {
         match self {

@@ -193,7 +193,7 @@ impl Frames {
     fn next_time(&self) -> Option<f64> {
         match self.next.cmp(&self.intervals) {
             std::cmp::Ordering::Less => {
-                Some(self.duration * (self.next as f64 / self.intervals as f64))
+                Some(self.duration * self.next as f64 / self.intervals as f64)
             }
             std::cmp::Ordering::Equal => Some(self.duration),
             std::cmp::Ordering::Greater => None,

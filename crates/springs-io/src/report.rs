@@ -1,0 +1,146 @@
+//! The report of a run as JSON.
+
+use crate::atomic::{WriteError, write_whole};
+use serde::{Deserialize, Serialize};
+use std::io;
+use std::path::Path;
+
+/// What a run did, field by field as in `report.json`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Report {
+    /// Version of the program.
+    pub springs_version: String,
+    /// Name of the scene.
+    pub scene: String,
+    /// `finished`, `interrupted` or `failed`.
+    pub status: String,
+    /// Method, in kebab-case.
+    pub method: String,
+    /// Tangent, in kebab-case, if the method has a matrix.
+    pub tangent: Option<String>,
+    /// Threads used.
+    pub threads: usize,
+    /// Nodes of the scene.
+    pub nodes: usize,
+    /// Springs of the scene.
+    pub springs: usize,
+    /// Scalar unknowns of a step.
+    pub unknowns: usize,
+    /// Step size, in s.
+    pub step_size: f64,
+    /// Size of the last step, in s, if the duration was not a whole number of
+    /// steps.
+    pub shortened_last_step: Option<f64>,
+    /// Steps made.
+    pub steps: u64,
+    /// Steps made and thrown away.
+    pub rejected_steps: u64,
+    /// Evaluations of all forces.
+    pub force_evaluations: u64,
+    /// Orderings and symbolic factorizations.
+    pub symbolic_factorizations: u64,
+    /// Numeric factorizations.
+    pub factorizations: u64,
+    /// Solutions of a linear system.
+    pub solves: u64,
+    /// Newton iterations.
+    pub newton_iterations: u64,
+    /// Springs clamped on demand, summed over steps.
+    pub clamped_springs: u64,
+    /// Simulated time, in s.
+    pub simulated_seconds: f64,
+    /// Where the run time went.
+    pub seconds: SecondsReport,
+    /// Where the energy went.
+    pub energy: EnergyReport,
+    /// Largest memory of the process, in bytes, where the system tells it.
+    pub peak_memory_bytes: Option<u64>,
+    /// Why the simulation could not go on, if it failed.
+    pub failure: Option<FailureReport>,
+}
+
+/// Run time by phase, in s.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SecondsReport {
+    /// From reading the scene to writing the last file but the report.
+    pub total: f64,
+    /// Reading, compiling, symbolic factorization.
+    pub setup: f64,
+    /// All steps.
+    pub stepping: f64,
+    /// Of these, forces and matrices.
+    pub assembly: f64,
+    /// Of these, numeric factorization.
+    pub factorization: f64,
+    /// Of these, solution of linear systems.
+    pub solve: f64,
+    /// Writing frames and files.
+    pub output: f64,
+}
+
+/// Energy in J: end = start + anchor_work − dashpot_heat + method_gain.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EnergyReport {
+    /// At time 0.
+    pub start: EnergySum,
+    /// At the end.
+    pub end: EnergySum,
+    /// Work of moving anchors.
+    pub anchor_work: f64,
+    /// Heat of dashpots.
+    pub dashpot_heat: f64,
+    /// The rest: gain of the method itself, negative for a loss.
+    pub method_gain: f64,
+}
+
+/// Mechanical energy, in J.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EnergySum {
+    /// Of the free nodes.
+    pub kinetic: f64,
+    /// Of all springs.
+    pub elastic: f64,
+    /// Of the free nodes, zero at the origin.
+    pub gravity: f64,
+    /// The sum.
+    pub total: f64,
+}
+
+/// Where and why a simulation could not go on.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FailureReport {
+    /// Time at the start of the step, in s.
+    pub time: f64,
+    /// The step, counted from 1.
+    pub step: u64,
+    /// Its size, in s.
+    pub step_size: f64,
+    /// The node.
+    pub node: usize,
+    /// Why.
+    pub reason: String,
+}
+
+/// Writes `report.json`, whole or not at all. A number that is not finite
+/// becomes `null`.
+///
+/// # Errors
+///
+/// If the file cannot be written.
+pub fn write_report(path: &Path, report: &Report) -> Result<(), WriteError> {
+    let mut text = serde_json::to_string_pretty(report).map_err(|error| WriteError {
+        path: path.to_owned(),
+        source: error.into(),
+    })?;
+    text.push('\n');
+    write_whole(path, text.as_bytes())
+}
+
+/// Reads a `report.json`.
+///
+/// # Errors
+///
+/// If the file cannot be read or is not a report.
+pub fn read_report(path: &Path) -> io::Result<Report> {
+    Ok(serde_json::from_slice(&std::fs::read(path)?)?)
+}

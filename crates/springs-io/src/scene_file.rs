@@ -1,0 +1,230 @@
+//! Version 1 of the scene file, field by field.
+
+use serde::Deserialize;
+use serde::de::{self, Deserializer, SeqAccess, Visitor};
+use std::fmt;
+use std::marker::PhantomData;
+
+/// The version that this crate reads and writes.
+pub(crate) const VERSION: u32 = 1;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, rename = "Scene")]
+pub(crate) struct SceneFile {
+    /// Checked while it is read.
+    #[serde(rename = "version")]
+    _version: Version,
+    #[serde(default)]
+    pub(crate) name: String,
+    #[serde(default)]
+    pub(crate) gravity: Tuple<3, Real>,
+    pub(crate) nodes: List<NodeEntry>,
+    #[serde(default)]
+    pub(crate) springs: List<SpringEntry>,
+    #[serde(default)]
+    pub(crate) simulation: SimulationEntry,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, rename = "Node")]
+pub(crate) struct NodeEntry {
+    pub(crate) position: Tuple<3, Real>,
+    #[serde(default)]
+    pub(crate) velocity: Tuple<3, Real>,
+    #[serde(default)]
+    pub(crate) mass: Real,
+    #[serde(default)]
+    pub(crate) fixed: bool,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, rename = "Spring")]
+pub(crate) struct SpringEntry {
+    pub(crate) nodes: Tuple<2, NodeIndex>,
+    pub(crate) stiffness: Real,
+    pub(crate) rest_length: Option<Real>,
+    #[serde(default)]
+    pub(crate) mass: Real,
+    #[serde(default)]
+    pub(crate) damping: Real,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields, rename = "Simulation")]
+pub(crate) struct SimulationEntry {
+    pub(crate) method: Option<Named<springs_scene::Method>>,
+    pub(crate) tangent: Option<Named<springs_scene::Tangent>>,
+    pub(crate) step: Option<Real>,
+    pub(crate) tolerance: Option<Real>,
+    pub(crate) duration: Option<Real>,
+}
+
+/// A version that this crate can read.
+pub(crate) struct Version;
+
+impl<'de> Deserialize<'de> for Version {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        match u32::deserialize(deserializer)? {
+            VERSION => Ok(Self),
+            other => Err(de::Error::custom(format_args!(
+                "this program reads scene files of version {VERSION}, not {other}"
+            ))),
+        }
+    }
+}
+
+/// A finite number; integers are welcome.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Real(pub(crate) f64);
+
+impl<'de> Deserialize<'de> for Real {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        match f64::deserialize(deserializer)? {
+            value if value.is_finite() => Ok(Self(value)),
+            value => Err(de::Error::custom(format_args!(
+                "a number must be finite, but this is {value}"
+            ))),
+        }
+    }
+}
+
+/// The index of a node.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct NodeIndex(pub(crate) usize);
+
+impl<'de> Deserialize<'de> for NodeIndex {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Index;
+
+        impl Visitor<'_> for Index {
+            type Value = NodeIndex;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("the index of a node: 0, 1, 2, …")
+            }
+
+            fn visit_u64<E: de::Error>(self, value: u64) -> Result<NodeIndex, E> {
+                let index = usize::try_from(value).map_err(E::custom)?;
+                Ok(NodeIndex(index))
+            }
+
+            fn visit_i64<E: de::Error>(self, value: i64) -> Result<NodeIndex, E> {
+                let index = u64::try_from(value)
+                    .map_err(|_| E::invalid_value(de::Unexpected::Signed(value), &self))?;
+                self.visit_u64(index)
+            }
+        }
+
+        deserializer.deserialize_any(Index)
+    }
+}
+
+/// A method or tangent by its name, unquoted.
+pub(crate) struct Named<T>(pub(crate) T);
+
+impl<'de, T> Deserialize<'de> for Named<T>
+where
+    T: std::str::FromStr<Err = springs_scene::UnknownName>,
+{
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Name<T>(PhantomData<T>);
+
+        impl<T> Visitor<'_> for Name<T>
+        where
+            T: std::str::FromStr<Err = springs_scene::UnknownName>,
+        {
+            type Value = Named<T>;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a name")
+            }
+
+            fn visit_str<E: de::Error>(self, name: &str) -> Result<Named<T>, E> {
+                name.parse().map(Named).map_err(E::custom)
+            }
+        }
+
+        deserializer.deserialize_identifier(Name(PhantomData))
+    }
+}
+
+/// `(a, b, c)` or `[a, b, c]`.
+pub(crate) struct Tuple<const N: usize, T>(pub(crate) [T; N]);
+
+impl<const N: usize, T: Copy + Default> Default for Tuple<N, T> {
+    fn default() -> Self {
+        Self([T::default(); N])
+    }
+}
+
+impl<'de, const N: usize, T> Deserialize<'de> for Tuple<N, T>
+where
+    T: Deserialize<'de> + Copy + Default,
+{
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Entries<const N: usize, T>(PhantomData<T>);
+
+        impl<'de, const N: usize, T> Visitor<'de> for Entries<N, T>
+        where
+            T: Deserialize<'de> + Copy + Default,
+        {
+            type Value = Tuple<N, T>;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                write!(f, "{N} numbers in brackets")
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<Self::Value, A::Error> {
+                let mut entries = [T::default(); N];
+                for (index, entry) in entries.iter_mut().enumerate() {
+                    *entry = seq
+                        .next_element()?
+                        .ok_or_else(|| de::Error::invalid_length(index, &self))?;
+                }
+                if seq.next_element::<de::IgnoredAny>()?.is_some() {
+                    return Err(de::Error::invalid_length(N + 1, &self));
+                }
+                Ok(Tuple(entries))
+            }
+        }
+
+        deserializer.deserialize_any(Entries::<N, T>(PhantomData))
+    }
+}
+
+/// `[a, b, …]` or `(a, b, …)`.
+pub(crate) struct List<T>(pub(crate) Vec<T>);
+
+impl<T> Default for List<T> {
+    fn default() -> Self {
+        Self(Vec::new())
+    }
+}
+
+impl<'de, T: Deserialize<'de>> Deserialize<'de> for List<T> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Entries<T>(PhantomData<T>);
+
+        impl<'de, T: Deserialize<'de>> Visitor<'de> for Entries<T> {
+            type Value = List<T>;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a list in brackets")
+            }
+
+            fn visit_unit<E>(self) -> Result<Self::Value, E> {
+                Ok(List(Vec::new()))
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<Self::Value, A::Error> {
+                let mut entries = Vec::new();
+                while let Some(entry) = seq.next_element()? {
+                    entries.push(entry);
+                }
+                Ok(List(entries))
+            }
+        }
+
+        deserializer.deserialize_any(Entries(PhantomData))
+    }
+}

@@ -1,0 +1,104 @@
+//! From a scene to a scene file.
+
+use crate::atomic::{WriteError, write_whole};
+use crate::scene_file::VERSION;
+use nalgebra::Vector3;
+use springs_scene::{Scene, StepControl};
+use std::fmt::Write as _;
+use std::path::Path;
+
+/// The text of a scene file, one node and one spring a line. Reading it gives
+/// the same scene, bit for bit.
+///
+/// # Panics
+///
+/// If the scene holds a number that is not finite, which no file can.
+pub fn scene_to_string(scene: &Scene) -> String {
+    let mut text = format!("Scene(\n    version: {VERSION},\n");
+    let mut line = |content: std::fmt::Arguments<'_>| {
+        writeln!(text, "    {content},").expect("writing to a string");
+    };
+    if !scene.name.is_empty() {
+        let quoted = ron::to_string(&scene.name).expect("a string");
+        line(format_args!("name: {quoted}"));
+    }
+    if !is_left_out(&scene.gravity) {
+        line(format_args!("gravity: {}", tuple(&scene.gravity)));
+    }
+    let nodes = scene.nodes.iter().map(|node| {
+        let mut fields = format!("position: {}", tuple(&node.position));
+        if !is_left_out(&node.velocity) {
+            fields += &format!(", velocity: {}", tuple(&node.velocity));
+        }
+        push_number(&mut fields, "mass", node.mass);
+        if node.fixed {
+            fields += ", fixed: true";
+        }
+        fields
+    });
+    line(format_args!("nodes: {}", list(nodes)));
+    let springs = scene.springs.iter().map(|spring| {
+        let [a, b] = spring.nodes;
+        let mut fields = format!("nodes: ({a}, {b}), stiffness: {}", number(spring.stiffness));
+        fields += &format!(", rest_length: {}", number(spring.rest_length));
+        push_number(&mut fields, "mass", spring.mass);
+        push_number(&mut fields, "damping", spring.damping);
+        fields
+    });
+    line(format_args!("springs: {}", list(springs)));
+    let settings = &scene.settings;
+    let mut fields = format!("method: {}", settings.method.name());
+    if let Some(tangent) = settings.tangent {
+        fields += &format!(", tangent: {}", tangent.name());
+    }
+    match settings.step {
+        StepControl::Auto => {}
+        StepControl::Fixed(step) => fields += &format!(", step: {}", number(step)),
+        StepControl::Tolerance(tolerance) => {
+            fields += &format!(", tolerance: {}", number(tolerance));
+        }
+    }
+    fields += &format!(", duration: {}", number(settings.duration));
+    line(format_args!("simulation: ({fields})"));
+    text.push_str(")\n");
+    text
+}
+
+/// Writes [`scene_to_string`] to a file, whole or not at all.
+///
+/// # Errors
+///
+/// If the file cannot be written.
+pub fn write_scene(path: &Path, scene: &Scene) -> Result<(), WriteError> {
+    write_whole(path, scene_to_string(scene).as_bytes())
+}
+
+fn list(entries: impl Iterator<Item = String>) -> String {
+    let mut text = String::from("[\n");
+    for entry in entries {
+        writeln!(text, "        ({entry}),").expect("writing to a string");
+    }
+    text + "    ]"
+}
+
+fn push_number(fields: &mut String, name: &str, value: f64) {
+    if value.to_bits() != 0 {
+        write!(fields, ", {name}: {}", number(value)).expect("writing to a string");
+    }
+}
+
+/// Whether every bit is that of the value that stands for a left-out vector.
+fn is_left_out(vector: &Vector3<f64>) -> bool {
+    vector.iter().all(|component| component.to_bits() == 0)
+}
+
+fn tuple(vector: &Vector3<f64>) -> String {
+    let [x, y, z] = [vector.x, vector.y, vector.z].map(number);
+    format!("({x}, {y}, {z})")
+}
+
+/// The shortest text that reads back to the same bits.
+fn number(value: f64) -> String {
+    assert!(value.is_finite(), "scene files hold finite numbers only");
+    format!("{value:?}")
+}

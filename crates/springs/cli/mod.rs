@@ -1,0 +1,106 @@
+//! Commands, their errors and exit codes.
+
+mod check;
+mod new;
+mod output;
+mod run;
+mod source;
+mod summary;
+
+use clap::{Parser, Subcommand};
+use std::io::Write as _;
+use std::process::ExitCode;
+
+/// Mass-spring simulation.
+#[derive(Parser)]
+#[command(name = "springs", version, propagate_version = true)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Simulate a scene file and write what came out.
+    Run(run::RunArguments),
+    /// Say what is in a scene, what will be skipped and what looks wrong.
+    Check(check::CheckArguments),
+    /// Print a scene file: a chain, a cloth or a block.
+    New(new::NewArguments),
+}
+
+/// How a command ended, other than by an error.
+enum Ending {
+    Done,
+    Failed,
+    Interrupted,
+}
+
+/// The command line or the scene is wrong; nothing was written.
+const EXIT_WRONG: u8 = 2;
+/// The simulation could not go on.
+const EXIT_FAILED: u8 = 3;
+/// Interrupted by the user.
+const EXIT_INTERRUPTED: u8 = 130;
+/// A result could not be written.
+const EXIT_UNWRITTEN: u8 = 1;
+
+/// An error with what to do about it.
+#[derive(Debug, thiserror::Error)]
+#[error("{message}")]
+struct Advised {
+    message: String,
+    advice: Option<String>,
+}
+
+/// A result could not be written though the command and the scene are right.
+#[derive(Debug, thiserror::Error)]
+#[error(transparent)]
+struct Unwritten(#[from] springs::io::WriteError);
+
+pub(crate) fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    let ending = match arguments.command {
+        Command::Run(arguments) => run::run(&arguments),
+        Command::Check(arguments) => check::check(&arguments),
+        Command::New(arguments) => new::new(&arguments),
+    };
+    match ending {
+        Ok(Ending::Done) => ExitCode::SUCCESS,
+        Ok(Ending::Failed) => EXIT_FAILED.into(),
+        Ok(Ending::Interrupted) => EXIT_INTERRUPTED.into(),
+        Err(error) => report_error(&error).into(),
+    }
+}
+
+fn report_error(error: &anyhow::Error) -> u8 {
+    say_error(&error.to_string());
+    if let Some(advice) = error
+        .downcast_ref::<Advised>()
+        .and_then(|e| e.advice.as_ref())
+    {
+        say(&format!("  {advice}"));
+    }
+    match error.is::<Unwritten>() {
+        true => EXIT_UNWRITTEN,
+        false => EXIT_WRONG,
+    }
+}
+
+fn say_error(message: &str) {
+    say(&format!("error: {message}"));
+}
+
+/// A line on standard error. If that is closed, nobody listens.
+fn say(line: &str) {
+    let _ = writeln!(std::io::stderr(), "{line}");
+}
+
+/// Text on standard output. A reader that has seen enough is no error.
+fn print(text: &str) -> anyhow::Result<()> {
+    let mut out = std::io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(error.into()),
+        _ => Ok(()),
+    }
+}

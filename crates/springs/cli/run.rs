@@ -1,0 +1,195 @@
+//! `springs run`: simulate a scene.
+
+use super::output::{Extra, Output};
+use super::source::SceneArguments;
+use super::{Advised, Ending, Unwritten, say, say_error, summary};
+use indicatif::{ProgressBar, ProgressStyle};
+use springs::report::{self, Timings, report};
+use springs::scene::Scene;
+use springs::step::{Frame, Observer, Outcome, SetupError, Simulation};
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+#[derive(clap::Args)]
+pub(crate) struct RunArguments {
+    #[command(flatten)]
+    scene: SceneArguments,
+    /// Folder to write into [default: the scene's name without its ending]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Number of equal time intervals between frames [default: 60 a second]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    frames: Option<u32>,
+    /// What to write besides final.ron and report.json
+    #[arg(long, value_name = "WHAT", value_delimiter = ',')]
+    write: Vec<Extra>,
+    /// Threads that may be used; results do not depend on it, and this version
+    /// uses one
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    threads: Option<u32>,
+    /// No progress and no summary
+    #[arg(long)]
+    quiet: bool,
+    /// Replace the results of another run
+    #[arg(long)]
+    force: bool,
+}
+
+impl RunArguments {
+    fn intervals(&self, duration: f64) -> usize {
+        match self.frames {
+            Some(frames) => frames as usize,
+            None => (60.0 * duration).round().max(1.0) as usize,
+        }
+    }
+}
+
+pub(crate) fn run(arguments: &RunArguments) -> anyhow::Result<Ending> {
+    let begin = Instant::now();
+    let folder = match &arguments.out {
+        Some(folder) => folder.clone(),
+        None => arguments.scene.stem(),
+    };
+    Output::check(&folder, arguments.force)?;
+    let scene = arguments.scene.load()?;
+    let mut simulation = Simulation::new(&scene).map_err(advised)?;
+    let mut timings = Timings {
+        setup: begin.elapsed(),
+        ..Timings::default()
+    };
+
+    let intervals = arguments.intervals(scene.settings.duration);
+    let output = Output::begin(&folder, &arguments.write, intervals)?;
+    let mut watcher = Watcher {
+        interrupted: watch_for_interrupt()?,
+        progress: match arguments.quiet {
+            true => ProgressBar::hidden(),
+            false => progress_bar(&simulation),
+        },
+        last_drawn: Instant::now(),
+        output,
+        writing: Duration::ZERO,
+        failure: None,
+    };
+    let frames = if watcher.output.wants_frames() {
+        intervals
+    } else {
+        1
+    };
+    let running = Instant::now();
+    let outcome = simulation.run(frames, &mut watcher);
+    timings.stepping = running.elapsed() - watcher.writing;
+    watcher.progress.finish_and_clear();
+    if let Some(unwritten) = watcher.failure {
+        return Err(unwritten.into());
+    }
+    let ending = match outcome {
+        Ok(Outcome::Finished) => report::Ending::Finished,
+        Ok(Outcome::Stopped) => report::Ending::Interrupted,
+        Err(error) => report::Ending::Failed(error),
+    };
+
+    let writing = Instant::now();
+    let time = simulation.stepper().time();
+    let written = watcher.output.finish(&last(&scene, &simulation), time)?;
+    timings.output = watcher.writing + writing.elapsed();
+    timings.total = begin.elapsed();
+    let report = report(&scene, &simulation, ending, timings);
+    watcher.output.report(&report)?;
+
+    if !arguments.quiet {
+        say(&summary::summary(
+            &scene,
+            &report,
+            watcher.output.folder(),
+            &written,
+        ));
+    }
+    Ok(match ending {
+        report::Ending::Finished => Ending::Done,
+        report::Ending::Interrupted => {
+            say_error(&format!(
+                "interrupted at {time} s; everything up to then is written"
+            ));
+            Ending::Interrupted
+        }
+        report::Ending::Failed(error) => {
+            say_error(&error.to_string());
+            say(&format!("  {}", error.advice()));
+            Ending::Failed
+        }
+    })
+}
+
+fn advised(error: SetupError) -> Advised {
+    Advised {
+        message: error.to_string(),
+        advice: error.advice().map(str::to_owned),
+    }
+}
+
+/// The scene as the simulation left it.
+fn last(scene: &Scene, simulation: &Simulation) -> Scene {
+    let mut scene = scene.clone();
+    simulation.nodes().write_to(&mut scene);
+    scene
+}
+
+fn watch_for_interrupt() -> anyhow::Result<Arc<AtomicBool>> {
+    let interrupted = Arc::new(AtomicBool::new(false));
+    let handler = interrupted.clone();
+    ctrlc::set_handler(move || handler.store(true, Ordering::Relaxed))?;
+    Ok(interrupted)
+}
+
+/// Drawn to standard error, and only if that is a terminal.
+fn progress_bar(simulation: &Simulation) -> ProgressBar {
+    let style = ProgressStyle::with_template("{bar:32} {percent:>3} %  {msg}, {eta} left")
+        .expect("a template that is correct");
+    ProgressBar::new(simulation.plan().n_steps()).with_style(style)
+}
+
+/// Writes frames, draws progress, notices an interrupt.
+struct Watcher {
+    interrupted: Arc<AtomicBool>,
+    progress: ProgressBar,
+    last_drawn: Instant,
+    output: Output,
+    writing: Duration,
+    failure: Option<Unwritten>,
+}
+
+/// Time between two drawings of the progress bar.
+const REDRAW: Duration = Duration::from_millis(100);
+
+impl Observer for Watcher {
+    fn frame(&mut self, frame: Frame<'_>) -> ControlFlow<()> {
+        let start = Instant::now();
+        let written = self.output.frame(frame);
+        self.writing += start.elapsed();
+        match written {
+            Ok(()) => ControlFlow::Continue(()),
+            Err(error) => {
+                self.failure = Some(error);
+                ControlFlow::Break(())
+            }
+        }
+    }
+
+    fn step(&mut self, time: f64) -> ControlFlow<()> {
+        if !self.progress.is_hidden() {
+            self.progress.inc(1);
+            if self.last_drawn.elapsed() >= REDRAW {
+                self.progress.set_message(format!("{time:.3} s simulated"));
+                self.last_drawn = Instant::now();
+            }
+        }
+        match self.interrupted.load(Ordering::Relaxed) {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        }
+    }
+}

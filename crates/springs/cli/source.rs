@@ -1,0 +1,107 @@
+//! The scene that a command is about, with what the command line changes.
+
+use super::Advised;
+use springs::io::{SceneError, decode_scene, read_scene};
+use springs::scene::{Method, Scene, StepControl, Tangent};
+use std::io::Read as _;
+use std::path::{Path, PathBuf};
+
+/// A scene file and settings that replace those in it.
+#[derive(clap::Args)]
+pub(crate) struct SceneArguments {
+    /// The scene file; `-` reads standard input
+    #[arg(value_name = "SCENE.ron")]
+    scene: PathBuf,
+    /// Time integration method
+    #[arg(long, value_name = "NAME")]
+    method: Option<Method>,
+    /// How the across-spring stiffness enters the matrix
+    #[arg(long, value_name = "NAME")]
+    tangent: Option<Tangent>,
+    /// Step size in seconds
+    #[arg(
+        long,
+        value_name = "H",
+        conflicts_with = "tolerance",
+        allow_negative_numbers = true
+    )]
+    step: Option<f64>,
+    /// Error of positions in metres to choose steps by
+    #[arg(long, value_name = "TOL", allow_negative_numbers = true)]
+    tolerance: Option<f64>,
+    /// Simulated time in seconds
+    #[arg(long, value_name = "T", allow_negative_numbers = true)]
+    duration: Option<f64>,
+}
+
+impl SceneArguments {
+    /// The file's name without its ending.
+    pub(crate) fn stem(&self) -> PathBuf {
+        match self.scene.file_stem() {
+            Some(stem) if self.scene != Path::new("-") => stem.into(),
+            _ => "scene".into(),
+        }
+    }
+
+    /// Reads the scene. All that is wrong with it becomes one error.
+    pub(crate) fn load(&self) -> Result<Scene, Advised> {
+        let read = match self.scene == Path::new("-") {
+            true => read_standard_input(),
+            false => read_scene(&self.scene),
+        };
+        let mut scene = read.map_err(advised)?;
+        let settings = &mut scene.settings;
+        settings.method = self.method.unwrap_or(settings.method);
+        settings.tangent = self.tangent.or(settings.tangent);
+        settings.duration = self.duration.unwrap_or(settings.duration);
+        if let Some(step) = self.step {
+            settings.step = StepControl::Fixed(step);
+        }
+        if let Some(tolerance) = self.tolerance {
+            settings.step = StepControl::Tolerance(tolerance);
+        }
+        // The file was sound, so only what the command line said can be wrong.
+        match scene.problems().first() {
+            None => Ok(scene),
+            Some(problem) => Err(Advised {
+                message: format!("on the command line, {problem}"),
+                advice: problem.advice().map(str::to_owned),
+            }),
+        }
+    }
+}
+
+fn read_standard_input() -> Result<Scene, SceneError> {
+    let file = "standard input";
+    let mut bytes = Vec::new();
+    match std::io::stdin().lock().read_to_end(&mut bytes) {
+        Ok(_) => decode_scene(file, bytes),
+        Err(source) => Err(SceneError::Unreadable {
+            file: file.to_owned(),
+            source,
+        }),
+    }
+}
+
+/// At most this many of the things wrong with a scene are told.
+const MOST_FINDINGS: usize = 20;
+
+fn advised(error: SceneError) -> Advised {
+    let SceneError::Wrong { file, findings } = &error else {
+        return Advised {
+            message: error.to_string(),
+            advice: None,
+        };
+    };
+    let mut message = error.to_string();
+    for finding in findings.iter().take(MOST_FINDINGS).skip(1) {
+        message += &format!("\nerror: {file}:{finding}");
+    }
+    if findings.len() > MOST_FINDINGS {
+        message += "\nerror: … and more of the like";
+    }
+    Advised {
+        message,
+        advice: findings[0].advice.clone(),
+    }
+}

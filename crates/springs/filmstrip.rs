@@ -1,0 +1,412 @@
+//! A few moments of a run side by side, as an SVG picture.
+
+use nalgebra::{Matrix3, Vector3};
+use springs_scene::{Scene, Spring};
+use std::fmt::Write as _;
+
+/// One moment of a run.
+#[derive(Clone, Debug)]
+pub struct Panel {
+    /// In s.
+    pub time: f64,
+    /// Position of every node of the scene, in m.
+    pub positions: Vec<Vector3<f64>>,
+}
+
+/// Size of the drawing in a panel, in pixels.
+const WIDTH: f64 = 300.0;
+const HEIGHT: f64 = 260.0;
+const MARGIN: f64 = 16.0;
+const TITLE: f64 = 58.0;
+const FOOTER: f64 = 72.0;
+/// More springs than this in a panel cannot be told apart.
+const MOST_SPRINGS: usize = 20_000;
+
+/// Draws the panels with the springs of `scene`, coloured by strain.
+///
+/// All panels share view, scale and colours. The view is along the direction
+/// in which nothing extends, if there is one, and slanted otherwise, with
+/// gravity pointing down.
+///
+/// # Panics
+///
+/// If a panel does not have the nodes of the scene.
+pub fn filmstrip(scene: &Scene, panels: &[Panel]) -> String {
+    for panel in panels {
+        assert_eq!(panel.positions.len(), scene.nodes.len(), "the same nodes");
+    }
+    let view = View::of(scene, panels);
+    let range = strain_range(scene, panels);
+    let n = panels.len().max(1) as f64;
+    let width = n * WIDTH + (n + 1.0) * MARGIN;
+    let height = TITLE + HEIGHT + FOOTER;
+    let mut svg = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
+         viewBox=\"0 0 {width} {height}\" font-family=\"sans-serif\">\n\
+         <rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n\
+         <text x=\"{MARGIN}\" y=\"28\" font-size=\"18\" fill=\"#222\">{}</text>\n",
+        escape(&scene.name)
+    );
+    for (index, panel) in panels.iter().enumerate() {
+        let left = MARGIN + index as f64 * (WIDTH + MARGIN);
+        draw_panel(&mut svg, scene, panel, &view, range, left);
+    }
+    draw_legend(&mut svg, &view, range, width);
+    svg.push_str("</svg>\n");
+    svg
+}
+
+/// An orthographic projection.
+struct View {
+    right: Vector3<f64>,
+    up: Vector3<f64>,
+    toward: Vector3<f64>,
+    /// Projected centre of all nodes, in m.
+    centre: [f64; 2],
+    /// Pixels per m, horizontally and vertically.
+    scale: [f64; 2],
+}
+
+impl View {
+    fn of(scene: &Scene, panels: &[Panel]) -> Self {
+        let points = || panels.iter().flat_map(|panel| &panel.positions);
+        let [right, up, toward] = axes(&scene.gravity, points);
+        let mut low = [f64::INFINITY; 2];
+        let mut high = [f64::NEG_INFINITY; 2];
+        for point in points() {
+            for (axis, value) in [right.dot(point), up.dot(point)].into_iter().enumerate() {
+                low[axis] = low[axis].min(value);
+                high[axis] = high[axis].max(value);
+            }
+        }
+        let size = [0, 1].map(|axis| (high[axis] - low[axis]).max(0.0));
+        let fit = |size: f64, pixels: f64| match size > 0.0 {
+            true => 0.9 * pixels / size,
+            false => f64::INFINITY,
+        };
+        let (across, along) = (fit(size[0], WIDTH), fit(size[1], HEIGHT));
+        let scale = match across.min(along) {
+            same if same.is_finite() => same,
+            _ => 1.0,
+        };
+        Self {
+            right,
+            up,
+            toward,
+            centre: [0, 1].map(|axis| match panels.is_empty() || scene.nodes.is_empty() {
+                true => 0.0,
+                false => 0.5 * (low[axis] + high[axis]),
+            }),
+            scale: [scale, scale * exaggeration(size, along / scale)],
+        }
+    }
+
+    fn vertical_exaggeration(&self) -> f64 {
+        self.scale[1] / self.scale[0]
+    }
+
+    /// Pixels from the panel's upper left corner.
+    fn project(&self, point: &Vector3<f64>) -> [f64; 2] {
+        let x = (self.right.dot(point) - self.centre[0]) * self.scale[0];
+        let y = (self.up.dot(point) - self.centre[1]) * self.scale[1];
+        [0.5 * WIDTH + x, 0.5 * HEIGHT - y]
+    }
+}
+
+/// How much heights are stretched so that a long flat scene shows its shape: a
+/// round number that fits the panel, 1 if the scene is not flat.
+fn exaggeration(size: [f64; 2], room: f64) -> f64 {
+    if size[1] == 0.0 || size[0] < 4.0 * size[1] {
+        return 1.0;
+    }
+    let steps = [100.0, 50.0, 20.0, 10.0, 5.0, 2.0];
+    let fitting = steps.into_iter().find(|&factor| factor <= 0.7 * room);
+    fitting.unwrap_or(1.0)
+}
+
+/// Right, up and toward the viewer.
+fn axes<'a, I>(gravity: &Vector3<f64>, points: impl Fn() -> I) -> [Vector3<f64>; 3]
+where
+    I: Iterator<Item = &'a Vector3<f64>>,
+{
+    let up = (-gravity).try_normalize(0.0).unwrap_or(Vector3::z());
+    let n = points().count().max(1) as f64;
+    let mean = points().sum::<Vector3<f64>>() / n;
+    let spread: Matrix3<f64> = points()
+        .map(|point| (point - mean) * (point - mean).transpose())
+        .sum::<Matrix3<f64>>()
+        / n;
+    let eigen = spread.symmetric_eigen();
+    let smallest = eigen.eigenvalues.imin();
+    let flat = eigen.eigenvalues[smallest] <= 1e-4 * eigen.eigenvalues.max();
+    let normal = eigen.eigenvectors.column(smallest).into_owned();
+    let across = normal - up * normal.dot(&up);
+    let toward = if flat && across.norm() > 0.5 {
+        // Seen from the front: the side that looks along −y or −x.
+        let sign = if across.x - across.y < 0.0 { -1.0 } else { 1.0 };
+        across.normalize() * sign
+    } else {
+        // Slanted from above, between the two horizontal axes.
+        let first = [Vector3::x(), Vector3::y(), Vector3::z()]
+            .into_iter()
+            .find(|axis| axis.dot(&up).abs() < 0.7)
+            .unwrap_or(Vector3::x());
+        let first = (first - up * first.dot(&up)).normalize();
+        let second = up.cross(&first);
+        let (azimuth, elevation) = (-60f64.to_radians(), 22f64.to_radians());
+        let level = first * azimuth.cos() + second * azimuth.sin();
+        level * elevation.cos() + up * elevation.sin()
+    };
+    let right = up.cross(&toward).normalize();
+    [right, toward.cross(&right), toward]
+}
+
+/// Relative change of length; `None` without a rest length.
+fn strain(spring: &Spring, positions: &[Vector3<f64>]) -> Option<f64> {
+    let [a, b] = spring.nodes.map(|node| positions[node]);
+    (spring.rest_length > 0.0).then(|| (b - a).norm() / spring.rest_length - 1.0)
+}
+
+/// The strain, either way, that all but one spring in a hundred stay below: a
+/// few extreme springs must not take the colour from the others.
+fn strain_range(scene: &Scene, panels: &[Panel]) -> f64 {
+    let strains = panels.iter().flat_map(|panel| {
+        let springs = scene.springs.iter();
+        springs.filter_map(|spring| strain(spring, &panel.positions))
+    });
+    let mut strains: Vec<f64> = strains
+        .map(f64::abs)
+        .filter(|strain| strain.is_finite())
+        .collect();
+    let rank = strains.len().saturating_sub(1) * 99 / 100;
+    match strains.is_empty() {
+        true => 0.0,
+        false => *strains.select_nth_unstable_by(rank, f64::total_cmp).1,
+    }
+}
+
+/// Number of different colours, odd so that the middle is neutral.
+const COLOURS: usize = 17;
+
+/// Compressed blue, neutral grey, stretched red: apart for the colour-blind
+/// and in print.
+fn colour(index: usize) -> String {
+    let middle = (COLOURS / 2) as f64;
+    let signed = (index as f64 - middle) / middle;
+    let end = if signed < 0.0 {
+        [20.0, 80.0, 170.0]
+    } else {
+        [190.0, 25.0, 40.0]
+    };
+    let channel = |axis: usize| {
+        let share = signed.abs().powf(0.7);
+        (190.0 + (end[axis] - 190.0) * share).round() as u8
+    };
+    format!("#{:02x}{:02x}{:02x}", channel(0), channel(1), channel(2))
+}
+
+fn colour_of(strain: Option<f64>, range: f64) -> usize {
+    let middle = (COLOURS / 2) as f64;
+    match strain {
+        Some(strain) if range > 0.0 => {
+            (middle + (strain / range).clamp(-1.0, 1.0) * middle).round() as usize
+        }
+        _ => COLOURS / 2,
+    }
+}
+
+fn draw_panel(svg: &mut String, scene: &Scene, panel: &Panel, view: &View, range: f64, left: f64) {
+    let line = |svg: &mut String, text: std::fmt::Arguments<'_>| {
+        writeln!(svg, "{text}").expect("writing to a string");
+    };
+    line(
+        svg,
+        format_args!(
+            "<text x=\"{left}\" y=\"48\" font-size=\"13\" fill=\"#555\">t = {} s</text>\n\
+             <g transform=\"translate({left} {TITLE})\">\n\
+             <rect width=\"{WIDTH}\" height=\"{HEIGHT}\" fill=\"#fafafa\" stroke=\"#ddd\"/>",
+            round(panel.time)
+        ),
+    );
+    for (node, position) in scene.nodes.iter().zip(&panel.positions) {
+        let [x, y] = view.project(position);
+        if node.fixed {
+            line(
+                svg,
+                format_args!(
+                    "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"5\" height=\"5\" fill=\"#222\"/>",
+                    x - 2.5,
+                    y - 2.5
+                ),
+            );
+        } else if node.mass > 0.0 {
+            line(
+                svg,
+                format_args!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3.5\" fill=\"#222\"/>"),
+            );
+        }
+    }
+    let stride = scene.springs.len().div_ceil(MOST_SPRINGS).max(1);
+    let mut drawn: Vec<(f64, usize)> = (0..scene.springs.len())
+        .step_by(stride)
+        .map(|index| {
+            let [a, b] = scene.springs[index].nodes.map(|node| panel.positions[node]);
+            (view.toward.dot(&(a + b)), index)
+        })
+        .collect();
+    drawn.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let stroke = match scene.springs.len() {
+        0..200 => 2.0,
+        200..2000 => 1.2,
+        _ => 0.7,
+    };
+    line(
+        svg,
+        format_args!("<g fill=\"none\" stroke-width=\"{stroke}\" stroke-linecap=\"round\">"),
+    );
+    // Neighbours in depth that share a colour share a path.
+    let colour_at = |index: usize| {
+        let spring = &scene.springs[index];
+        colour_of(strain(spring, &panel.positions), range)
+    };
+    for run in drawn.chunk_by(|a, b| colour_at(a.1) == colour_at(b.1)) {
+        let mut path = String::new();
+        for &(_, index) in run {
+            let ends = scene.springs[index].nodes.map(|node| panel.positions[node]);
+            let [[x0, y0], [x1, y1]] = ends.map(|end| view.project(&end));
+            write!(path, "M{x0:.1} {y0:.1}L{x1:.1} {y1:.1}").expect("writing to a string");
+        }
+        let colour = colour(colour_at(run[0].1));
+        line(
+            svg,
+            format_args!("<path stroke=\"{colour}\" d=\"{path}\"/>"),
+        );
+    }
+    svg.push_str("</g>\n");
+    svg.push_str("</g>\n");
+}
+
+fn draw_legend(svg: &mut String, view: &View, range: f64, width: f64) {
+    let top = TITLE + HEIGHT + 22.0;
+    let (bar, cell) = (width.min(300.0) - 2.0 * MARGIN, 12.0);
+    for index in 0..COLOURS {
+        writeln!(
+            svg,
+            "<rect x=\"{:.1}\" y=\"{top}\" width=\"{:.1}\" height=\"{cell}\" fill=\"{}\"/>",
+            MARGIN + bar * index as f64 / COLOURS as f64,
+            bar / COLOURS as f64 + 0.5,
+            colour(index)
+        )
+        .expect("writing to a string");
+    }
+    let mut label = |x: f64, anchor: &str, text: &str| {
+        writeln!(
+            svg,
+            "<text x=\"{x}\" y=\"{}\" font-size=\"12\" fill=\"#555\" \
+             text-anchor=\"{anchor}\">{text}</text>",
+            top + 28.0
+        )
+        .expect("writing to a string");
+    };
+    let percent = round(100.0 * range);
+    label(MARGIN, "start", &format!("≤ −{percent} %"));
+    label(MARGIN + 0.5 * bar, "middle", "strain");
+    label(MARGIN + bar, "end", &format!("≥ +{percent} %"));
+    let scale_bar = nice_below(80.0 / view.scale[0]);
+    let pixels = scale_bar * view.scale[0];
+    let end = width - MARGIN;
+    let heights = match view.vertical_exaggeration() {
+        factor if factor > 1.0 => format!(", heights ×{factor}"),
+        _ => String::new(),
+    };
+    label(end, "end", &format!("{} m{heights}", round(scale_bar)));
+    writeln!(
+        svg,
+        "<path stroke=\"#222\" stroke-width=\"2\" d=\"M{:.1} {y:.1}H{end:.1}\"/>",
+        end - pixels,
+        y = top + 0.5 * cell
+    )
+    .expect("writing to a string");
+}
+
+/// The largest of 1, 2, 5, 10, … that is not above `value`.
+fn nice_below(value: f64) -> f64 {
+    let power = 10f64.powf(value.log10().floor());
+    let digit = [5.0, 2.0, 1.0]
+        .into_iter()
+        .find(|digit| digit * power <= value);
+    digit.unwrap_or(1.0) * power
+}
+
+/// Three significant digits.
+fn round(value: f64) -> String {
+    if value == 0.0 {
+        return "0".to_owned();
+    }
+    let digits = 2 - value.abs().log10().floor() as i32;
+    let text = format!("{value:.*}", digits.clamp(0, 12) as usize);
+    match text.contains('.') {
+        true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
+        false => text,
+    }
+}
+
+fn escape(text: &str) -> String {
+    text.replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('>', "&gt;")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use springs_scene::Node;
+
+    #[test]
+    fn numbers_are_rounded_for_people() {
+        let texts = [0.0, 1.0, 0.5, 12.345, 1234.5, 0.001_234_5].map(round);
+        assert_eq!(texts, ["0", "1", "0.5", "12.3", "1234", "0.00123"]);
+        assert_eq!([7.0, 20.0, 0.03].map(nice_below), [5.0, 20.0, 0.02]);
+    }
+
+    #[test]
+    fn colours_run_from_blue_over_grey_to_red() {
+        assert_eq!(colour(0), "#1450aa");
+        assert_eq!(colour(COLOURS / 2), "#bebebe");
+        assert_eq!(colour(COLOURS - 1), "#be1928");
+        assert_eq!(colour_of(Some(-0.2), 0.2), 0);
+        assert_eq!(colour_of(None, 0.2), COLOURS / 2);
+    }
+
+    #[test]
+    fn gravity_points_down_and_flat_scenes_are_seen_face_on() {
+        let mut scene = Scene {
+            name: "a < b".to_owned(),
+            gravity: Vector3::new(0.0, 0.0, -9.81),
+            ..Scene::default()
+        };
+        for (x, z) in [(0.0, 0.0), (1.0, 0.0), (1.0, -1.0)] {
+            scene.add_node(Node::at(Vector3::new(x, 0.0, z)));
+        }
+        scene.add_spring(0, 1, 1.0);
+        let panel = Panel {
+            time: 0.0,
+            positions: scene.nodes.iter().map(|node| node.position).collect(),
+        };
+        let view = View::of(&scene, std::slice::from_ref(&panel));
+        assert!((view.up - Vector3::z()).norm() < 1e-12);
+        assert!((view.right - Vector3::x()).norm() < 1e-12);
+        let svg = filmstrip(&scene, &[panel.clone(), panel]);
+        assert!(svg.contains("a &lt; b"));
+        assert_eq!(svg.matches("<path stroke=\"#bebebe\"").count(), 2);
+    }
+
+    #[test]
+    fn an_empty_scene_gives_a_picture() {
+        let panel = Panel {
+            time: 0.0,
+            positions: Vec::new(),
+        };
+        assert!(filmstrip(&Scene::default(), &[panel]).ends_with("</svg>\n"));
+    }
+}

@@ -1,0 +1,121 @@
+//! From a simulation to the report that is written to `report.json`.
+
+use springs_assembly::Energy;
+use springs_io::{EnergyReport, EnergySum, FailureReport, Report, SecondsReport};
+use springs_scene::Scene;
+use springs_step::{Simulation, StepError};
+use std::time::Duration;
+
+/// How a run ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Ending {
+    /// The whole duration is simulated.
+    Finished,
+    /// Somebody stopped it.
+    Interrupted,
+    /// A step could not be made.
+    Failed(StepError),
+}
+
+/// What the caller of a simulation has timed himself.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Timings {
+    /// Everything, from reading the scene on.
+    pub total: Duration,
+    /// Reading, compiling, symbolic factorization.
+    pub setup: Duration,
+    /// Steps and frames, without writing.
+    pub stepping: Duration,
+    /// Writing frames and files.
+    pub output: Duration,
+}
+
+/// The report of a simulation of `scene`.
+pub fn report(scene: &Scene, simulation: &Simulation, ending: Ending, timings: Timings) -> Report {
+    let choice = simulation.choice();
+    let work = simulation.work();
+    let counts = work.counts;
+    Report {
+        springs_version: env!("CARGO_PKG_VERSION").to_owned(),
+        scene: scene.name.clone(),
+        status: match ending {
+            Ending::Finished => "finished",
+            Ending::Interrupted => "interrupted",
+            Ending::Failed(_) => "failed",
+        }
+        .to_owned(),
+        method: choice.method.to_string(),
+        tangent: choice.tangent.map(|tangent| tangent.to_string()),
+        threads: 1,
+        nodes: scene.nodes.len(),
+        springs: scene.springs.len(),
+        unknowns: 3 * simulation.stepper().system().n_free(),
+        step_size: choice.step_size,
+        shortened_last_step: simulation.plan().shortened,
+        steps: counts.steps,
+        rejected_steps: counts.rejected_steps,
+        force_evaluations: counts.force_evaluations,
+        symbolic_factorizations: counts.symbolic_factorizations,
+        factorizations: counts.factorizations,
+        solves: counts.solves,
+        newton_iterations: counts.newton_iterations,
+        clamped_springs: counts.clamped_springs,
+        simulated_seconds: simulation.stepper().time(),
+        seconds: SecondsReport {
+            total: timings.total.as_secs_f64(),
+            setup: timings.setup.as_secs_f64(),
+            stepping: timings.stepping.as_secs_f64(),
+            assembly: work.phases.assembly.as_secs_f64(),
+            factorization: work.phases.factorization.as_secs_f64(),
+            solve: work.phases.solve.as_secs_f64(),
+            output: timings.output.as_secs_f64(),
+        },
+        energy: energy(simulation),
+        peak_memory_bytes: peak_memory_bytes(),
+        failure: match ending {
+            Ending::Failed(error) => Some(failure(error)),
+            _ => None,
+        },
+    }
+}
+
+fn energy(simulation: &Simulation) -> EnergyReport {
+    let (ledger, end) = (simulation.ledger(), simulation.energy());
+    EnergyReport {
+        start: sum(&ledger.start),
+        end: sum(&end),
+        anchor_work: ledger.anchor_work,
+        dashpot_heat: ledger.dashpot_heat,
+        method_gain: ledger.method_gain(&end),
+    }
+}
+
+fn sum(energy: &Energy) -> EnergySum {
+    EnergySum {
+        kinetic: energy.kinetic,
+        elastic: energy.elastic,
+        gravity: energy.gravity,
+        total: energy.total(),
+    }
+}
+
+fn failure(error: StepError) -> FailureReport {
+    let (time, step, step_size) = error.when();
+    FailureReport {
+        time,
+        step,
+        step_size,
+        node: error.node(),
+        reason: error.to_string(),
+    }
+}
+
+/// Largest resident memory of this process so far, where the system tells it.
+fn peak_memory_bytes() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status
+        .lines()
+        .find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let kibibytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(1024 * kibibytes)
+}
