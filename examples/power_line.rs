@@ -71,7 +71,7 @@ impl Catenary {
             let catenary = Self {
                 horizontal_tension: middle,
             };
-            match 2.0 * catenary.from_middle(0.5 * SPAN).0 < SPAN {
+            match 2.0 * catenary.offset(0.5 * SPAN).0 < SPAN {
                 true => low = middle,
                 false => high = middle,
             }
@@ -83,7 +83,7 @@ impl Catenary {
 
     /// Horizontal and vertical distance from the lowest point to the point at
     /// unstretched arc length `s`, all in m.
-    fn from_middle(&self, s: f64) -> (f64, f64) {
+    fn offset(&self, s: f64) -> (f64, f64) {
         let h = self.horizontal_tension;
         let slope = Self::WEIGHT * s / h;
         let x = h * s / AXIAL_STIFFNESS + h / Self::WEIGHT * slope.asinh();
@@ -94,13 +94,13 @@ impl Catenary {
     /// Position of the point at `fraction` of the unstretched length, in m.
     pub fn position(&self, fraction: f64) -> Vector3<f64> {
         let s = (fraction - 0.5) * SPAN;
-        let (x, z) = self.from_middle(s);
+        let (x, z) = self.offset(s);
         Vector3::new(0.5 * SPAN + x, 0.0, z - self.sag())
     }
 
     /// Depth of the lowest point below the towers, in m.
     pub fn sag(&self) -> f64 {
-        self.from_middle(0.5 * SPAN).1
+        self.offset(0.5 * SPAN).1
     }
 }
 

@@ -15,7 +15,7 @@
 //! let error = springs_io::parse_scene("pendulum.ron", &text.replace("100", "-1")).unwrap_err();
 //! assert_eq!(
 //!     error.to_string(),
-//!     "pendulum.ron:4:38: springs[0].stiffness: \
+//!     "pendulum.ron:4:42: springs[0].stiffness: \
 //!      the stiffness of spring 0 must not be negative, but is -1"
 //! );
 //! # Ok::<(), springs_io::SceneError>(())
@@ -30,9 +30,7 @@ mod trajectory;
 mod write;
 
 pub use atomic::{WriteError, write_whole};
-pub use read::{Finding, SceneError, decode_scene, parse_scene, read_scene};
-pub use report::{
-    EnergyReport, EnergySum, FailureReport, Report, SecondsReport, read_report, write_report,
-};
+pub use read::{Finding, SceneError, parse_scene, read_scene, read_text};
+pub use report::{EnergyReport, EnergySum, FailureReport, Report, SecondsReport, write_report};
 pub use trajectory::{TrajectoryFrame, TrajectoryWriter};
 pub use write::{scene_to_string, write_scene};

@@ -6,6 +6,7 @@ use nalgebra::Vector3;
 use ron::extensions::Extensions;
 use springs_scene::{Method, Node, Scene, Settings, Spring, StepControl};
 use std::fmt;
+use std::io::{self, Read};
 use std::path::Path;
 
 /// Why a scene file gives no scene.
@@ -18,7 +19,7 @@ pub enum SceneError {
         /// The file.
         file: String,
         /// Why.
-        source: std::io::Error,
+        source: io::Error,
     },
     /// The file is not text.
     #[error("{file} is not a scene file: byte {offset} is not UTF-8 text")]
@@ -53,7 +54,27 @@ pub struct Finding {
     pub advice: Option<String>,
 }
 
-/// "3:14: springs[3].stiffness: must be …"
+impl Finding {
+    /// A finding at a path in the text of a scene file that reads without
+    /// error, or at what encloses the path if the field is left out.
+    pub fn at(
+        text: &str,
+        path: springs_scene::Path,
+        message: String,
+        advice: Option<&str>,
+    ) -> Self {
+        let Place { line, column } = locate(text, path);
+        Self {
+            line,
+            column,
+            path: path.to_string(),
+            message,
+            advice: advice.map(str::to_owned),
+        }
+    }
+}
+
+/// `3:14: springs[3].stiffness: must be …`
 impl fmt::Display for Finding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}:{}: ", self.line, self.column)?;
@@ -71,23 +92,27 @@ impl fmt::Display for Finding {
 /// If the file cannot be read or is not a sound scene.
 pub fn read_scene(path: &Path) -> Result<Scene, SceneError> {
     let file = path.display().to_string();
-    match std::fs::read(path) {
-        Ok(bytes) => decode_scene(&file, bytes),
-        Err(source) => Err(SceneError::Unreadable { file, source }),
-    }
+    let text = read_text(&file, std::fs::File::open(path))?;
+    parse_scene(&file, &text)
 }
 
-/// Reads a scene from the bytes of a scene file; `file` is its name in errors.
+/// Reads all of a scene file's text; `file` is its name in errors.
 ///
 /// # Errors
 ///
-/// As [`read_scene`], but for reading.
-pub fn decode_scene(file: &str, bytes: Vec<u8>) -> Result<Scene, SceneError> {
-    let text = String::from_utf8(bytes).map_err(|error| SceneError::NotText {
+/// If it could not be opened, cannot be read, or is not UTF-8.
+pub fn read_text<R: Read>(file: &str, opened: io::Result<R>) -> Result<String, SceneError> {
+    let mut bytes = Vec::new();
+    opened
+        .and_then(|mut reader| reader.read_to_end(&mut bytes))
+        .map_err(|source| SceneError::Unreadable {
+            file: file.to_owned(),
+            source,
+        })?;
+    String::from_utf8(bytes).map_err(|error| SceneError::NotText {
         file: file.to_owned(),
         offset: error.utf8_error().valid_up_to(),
-    })?;
-    parse_scene(file, &text)
+    })
 }
 
 /// Reads a scene from the text of a scene file; `file` is its name in errors.
@@ -111,30 +136,21 @@ pub fn parse_scene(file: &str, text: &str) -> Result<Scene, SceneError> {
         Err(error) => return Err(wrong(vec![syntax_finding(&options, text, &error)])),
     };
     if entries.simulation.step.is_some() && entries.simulation.tolerance.is_some() {
-        let place = locate(text, springs_scene::Path::Simulation("tolerance"));
-        return Err(wrong(vec![Finding {
-            line: place.line,
-            column: place.column,
-            path: "simulation.tolerance".to_owned(),
-            message: "a simulation has a step or a tolerance, not both".to_owned(),
-            advice: Some("remove one of them".to_owned()),
-        }]));
+        return Err(wrong(vec![Finding::at(
+            text,
+            springs_scene::Path::Simulation("tolerance"),
+            "a simulation has a step or a tolerance, not both".to_owned(),
+            Some("remove one of them"),
+        )]));
     }
     let scene = scene(entries);
     let problems = scene.problems();
     if problems.is_empty() {
         return Ok(scene);
     }
-    let findings = problems.iter().map(|problem| {
-        let Place { line, column } = locate(text, problem.path());
-        Finding {
-            line,
-            column,
-            path: problem.path().to_string(),
-            message: problem.to_string(),
-            advice: problem.advice().map(str::to_owned),
-        }
-    });
+    let findings = problems
+        .iter()
+        .map(|problem| Finding::at(text, problem.path(), problem.to_string(), problem.advice()));
     Err(wrong(findings.take(MOST_FINDINGS).collect()))
 }
 
@@ -149,15 +165,50 @@ fn syntax_finding(options: &ron::Options, text: &str, error: &ron::error::Spanne
             serde_path_to_error::deserialize::<_, SceneFile>(&mut deserializer).err()
         })
         .map(|error| error.path().to_string())
-        .filter(|path| path != ".")
+        .filter(|path| path != "." && path != "?")
         .unwrap_or_default();
     let position = error.span.start;
     Finding {
         line: position.line,
         column: position.col,
         path,
-        message: error.code.to_string(),
+        message: syntax_message(&error.code),
         advice: None,
+    }
+}
+
+/// The reader's own words where they serve, plainer ones elsewhere.
+fn syntax_message(error: &ron::Error) -> String {
+    use ron::Error as E;
+    match error {
+        E::Eof => "the file ends in the middle of the scene".to_owned(),
+        E::ExpectedNamedStructLike("Scene") => "a scene file starts with `Scene(`".to_owned(),
+        E::ExpectedDifferentStructName { expected, found } => {
+            format!("`{expected}(` is expected here, not `{found}`")
+        }
+        E::ExpectedComma => "a comma or a closing bracket is missing before this".to_owned(),
+        E::ExpectedFloat => "a number is expected here".to_owned(),
+        E::ExpectedInteger => "a whole number is expected here".to_owned(),
+        E::ExpectedBoolean => "`true` or `false` is expected here".to_owned(),
+        E::ExpectedString => "a text in quotes is expected here".to_owned(),
+        E::ExpectedStringEnd => "the closing quote of this text is missing".to_owned(),
+        E::ExpectedIdentifier => "a name without quotes is expected here".to_owned(),
+        E::TrailingCharacters => "there is more after the end of the scene".to_owned(),
+        E::InvalidValueForType { expected, found } => {
+            format!("{expected} is expected here, not {found}")
+        }
+        E::ExpectedDifferentLength { expected, found } => {
+            format!("{expected} is expected here, not {found} of them")
+        }
+        E::MissingStructField { field, .. } => format!("the field `{field}` is missing"),
+        E::DuplicateStructField { field, .. } => format!("the field `{field}` stands here twice"),
+        E::NoSuchStructField {
+            found, expected, ..
+        } => format!(
+            "there is no field `{found}` here; known are {}",
+            expected.join(", ")
+        ),
+        other => other.to_string(),
     }
 }
 

@@ -1,12 +1,11 @@
 //! The report of a run as JSON.
 
 use crate::atomic::{WriteError, write_whole};
-use serde::{Deserialize, Serialize};
-use std::io;
+use serde::Serialize;
 use std::path::Path;
 
 /// What a run did, field by field as in `report.json`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Report {
     /// Version of the program.
     pub springs_version: String,
@@ -60,7 +59,7 @@ pub struct Report {
 }
 
 /// Run time by phase, in s.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct SecondsReport {
     /// From reading the scene to writing the last file but the report.
     pub total: f64,
@@ -79,7 +78,7 @@ pub struct SecondsReport {
 }
 
 /// Energy in J: end = start + anchor_work − dashpot_heat + method_gain.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct EnergyReport {
     /// At time 0.
     pub start: EnergySum,
@@ -94,7 +93,7 @@ pub struct EnergyReport {
 }
 
 /// Mechanical energy, in J.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct EnergySum {
     /// Of the free nodes.
     pub kinetic: f64,
@@ -107,7 +106,7 @@ pub struct EnergySum {
 }
 
 /// Where and why a simulation could not go on.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FailureReport {
     /// Time at the start of the step, in s.
     pub time: f64,
@@ -134,13 +133,4 @@ pub fn write_report(path: &Path, report: &Report) -> Result<(), WriteError> {
     })?;
     text.push('\n');
     write_whole(path, text.as_bytes())
-}
-
-/// Reads a `report.json`.
-///
-/// # Errors
-///
-/// If the file cannot be read or is not a report.
-pub fn read_report(path: &Path) -> io::Result<Report> {
-    Ok(serde_json::from_slice(&std::fs::read(path)?)?)
 }

@@ -171,7 +171,7 @@ where
             type Value = Tuple<N, T>;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                write!(f, "{N} numbers in brackets")
+                write!(f, "a list of {N} numbers")
             }
 
             fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<Self::Value, A::Error> {
@@ -209,7 +209,7 @@ impl<'de, T: Deserialize<'de>> Deserialize<'de> for List<T> {
             type Value = List<T>;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("a list in brackets")
+                f.write_str("a list")
             }
 
             fn visit_unit<E>(self) -> Result<Self::Value, E> {

@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use std::io::Write as _;
 use std::path::Path;
 
-/// Positions [m] and velocities [m/s] of all nodes at one time [s].
+/// Positions (m) and velocities (m/s) of all nodes at one time (s).
 #[derive(Clone, Copy, Debug)]
 pub struct TrajectoryFrame<'a> {
     /// In s.

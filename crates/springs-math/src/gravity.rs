@@ -1,4 +1,4 @@
-//! Uniform gravity g [m/s²] on a point mass m [kg].
+//! Uniform gravity g (m/s²) on a point mass m (kg).
 
 use nalgebra::SVector;
 

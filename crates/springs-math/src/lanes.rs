@@ -15,7 +15,7 @@ pub const LANES: usize = 8;
 /// One number for each spring of a group.
 pub type Lane = [f64; LANES];
 
-/// Length [m] and direction of a group of springs.
+/// Length (m) and direction of a group of springs.
 #[derive(Clone, Copy, Debug)]
 pub struct Separations<const D: usize> {
     /// l in m; zero where the nodes coincide.

@@ -16,7 +16,7 @@ pub(crate) fn is_safe_square(square: f64) -> bool {
     SAFE_SQUARES.contains(&square)
 }
 
-/// Δx = x₁ − x₀ [m] as a length l and a unit direction u.
+/// Δx = x₁ − x₀ (m) as a length l and a unit direction u.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Separation<const D: usize> {
     /// l = ‖Δx‖ in m; zero if the nodes coincide.

@@ -1,4 +1,4 @@
-//! Linear spring: energy, force, Hessian. Δx = x₁ − x₀ [m], l = ‖Δx‖ [m].
+//! Linear spring: energy, force, Hessian. Δx = x₁ − x₀ (m), l = ‖Δx‖ (m).
 //!
 //! The Hessian block of a spring has the eigenvalue K along the spring and one
 //! more, T/l with the tension T = K(l − l₀), in every direction across it. A

@@ -1,7 +1,7 @@
 //! What can go wrong before and during a simulation.
 
 use springs_assembly::CompileError;
-use springs_scene::Method;
+use springs_scene::{Method, Path};
 use springs_solver::SolveError;
 
 /// Why a simulation cannot start.
@@ -28,6 +28,16 @@ pub enum SetupError {
 }
 
 impl SetupError {
+    /// Where in the scene the cause is, if it is in one place.
+    pub fn path(&self) -> Option<Path> {
+        match self {
+            Self::Scene(CompileError::Problems(problems)) => Some(problems[0].path()),
+            Self::Massless { node, .. } => Some(Path::Node(*node, None)),
+            Self::NoErrorControl => Some(Path::Simulation("tolerance")),
+            _ => None,
+        }
+    }
+
     /// What to do about it.
     pub fn advice(&self) -> Option<&'static str> {
         match self {

@@ -3,7 +3,7 @@
 use crate::NodeStates;
 use nalgebra::Vector3;
 
-/// The state at `start + fraction·h` of a step of size `h` [s] from `before` to
+/// The state at `start + fraction·h` of a step of size `h` in s from `before` to
 /// `after`, to the given order of the method: linear for order 1, cubic Hermite
 /// for more.
 ///

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use springs_assembly::System;
 use springs_scene::Scene;
 
-/// Positions [m] and velocities [m/s] of all nodes, in the order of the scene.
+/// Positions (m) and velocities (m/s) of all nodes, in the order of the scene.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct NodeStates {
     /// x of each node, in m.

@@ -1,7 +1,7 @@
 //! `springs check`: what is in a scene; runs nothing.
 
 use super::source::SceneArguments;
-use super::{Advised, Ending, print};
+use super::{Ending, print};
 use springs::assembly::compile;
 use springs::inspect::{count, inspect};
 use springs::step::{StepPlan, choose};
@@ -14,14 +14,12 @@ pub(crate) struct CheckArguments {
 }
 
 pub(crate) fn check(arguments: &CheckArguments) -> anyhow::Result<Ending> {
-    let scene = arguments.scene.load()?;
-    let system = compile(&scene)?;
-    let choice = choose(&system, &scene.settings).map_err(|error| Advised {
-        message: error.to_string(),
-        advice: error.advice().map(str::to_owned),
-    })?;
+    let source = arguments.scene.load()?;
+    let scene = &source.scene;
+    let system = compile(scene)?;
+    let choice = choose(&system, &scene.settings).map_err(|error| source.advised(&error))?;
     let plan = StepPlan::new(scene.settings.duration, choice.step_size);
-    let inspection = inspect(&scene, &system, &choice);
+    let inspection = inspect(scene, &system, &choice);
 
     let name = if scene.name.is_empty() {
         "scene"

@@ -2,11 +2,11 @@
 
 use super::output::{Extra, Output};
 use super::source::SceneArguments;
-use super::{Advised, Ending, Unwritten, say, say_error, summary};
+use super::{Ending, Unwritten, say, say_error, summary};
 use indicatif::{ProgressBar, ProgressStyle};
 use springs::report::{self, Timings, report};
 use springs::scene::Scene;
-use springs::step::{Frame, Observer, Outcome, SetupError, Simulation};
+use springs::step::{Frame, Observer, Outcome, Simulation};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -54,8 +54,9 @@ pub(crate) fn run(arguments: &RunArguments) -> anyhow::Result<Ending> {
         None => arguments.scene.stem(),
     };
     Output::check(&folder, arguments.force)?;
-    let scene = arguments.scene.load()?;
-    let mut simulation = Simulation::new(&scene).map_err(advised)?;
+    let source = arguments.scene.load()?;
+    let scene = &source.scene;
+    let mut simulation = Simulation::new(scene).map_err(|error| source.advised(&error))?;
     let mut timings = Timings {
         setup: begin.elapsed(),
         ..Timings::default()
@@ -94,15 +95,15 @@ pub(crate) fn run(arguments: &RunArguments) -> anyhow::Result<Ending> {
 
     let writing = Instant::now();
     let time = simulation.stepper().time();
-    let written = watcher.output.finish(&last(&scene, &simulation), time)?;
+    let written = watcher.output.finish(&last(scene, &simulation), time)?;
     timings.output = watcher.writing + writing.elapsed();
     timings.total = begin.elapsed();
-    let report = report(&scene, &simulation, ending, timings);
+    let report = report(scene, &simulation, ending, timings);
     watcher.output.report(&report)?;
 
     if !arguments.quiet {
         say(&summary::summary(
-            &scene,
+            scene,
             &report,
             watcher.output.folder(),
             &written,
@@ -122,13 +123,6 @@ pub(crate) fn run(arguments: &RunArguments) -> anyhow::Result<Ending> {
             Ending::Failed
         }
     })
-}
-
-fn advised(error: SetupError) -> Advised {
-    Advised {
-        message: error.to_string(),
-        advice: error.advice().map(str::to_owned),
-    }
 }
 
 /// The scene as the simulation left it.

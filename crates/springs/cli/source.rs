@@ -1,9 +1,10 @@
 //! The scene that a command is about, with what the command line changes.
 
 use super::Advised;
-use springs::io::{SceneError, decode_scene, read_scene};
+use springs::io::{Finding, SceneError, parse_scene, read_text};
 use springs::scene::{Method, Scene, StepControl, Tangent};
-use std::io::Read as _;
+use springs::step::SetupError;
+use std::fs::File;
 use std::path::{Path, PathBuf};
 
 /// A scene file and settings that replace those in it.
@@ -44,12 +45,21 @@ impl SceneArguments {
     }
 
     /// Reads the scene. All that is wrong with it becomes one error.
-    pub(crate) fn load(&self) -> Result<Scene, Advised> {
-        let read = match self.scene == Path::new("-") {
-            true => read_standard_input(),
-            false => read_scene(&self.scene),
+    pub(crate) fn load(&self) -> Result<Source, Advised> {
+        let (file, text) = match self.scene == Path::new("-") {
+            true => {
+                let file = "standard input".to_owned();
+                let text = read_text(&file, Ok(std::io::stdin().lock()));
+                (file, text)
+            }
+            false => {
+                let file = self.scene.display().to_string();
+                let text = read_text(&file, File::open(&self.scene));
+                (file, text)
+            }
         };
-        let mut scene = read.map_err(advised)?;
+        let text = text.map_err(advised)?;
+        let mut scene = parse_scene(&file, &text).map_err(advised)?;
         let settings = &mut scene.settings;
         settings.method = self.method.unwrap_or(settings.method);
         settings.tangent = self.tangent.or(settings.tangent);
@@ -62,7 +72,7 @@ impl SceneArguments {
         }
         // The file was sound, so only what the command line said can be wrong.
         match scene.problems().first() {
-            None => Ok(scene),
+            None => Ok(Source { scene, file, text }),
             Some(problem) => Err(Advised {
                 message: format!("on the command line, {problem}"),
                 advice: problem.advice().map(str::to_owned),
@@ -71,15 +81,28 @@ impl SceneArguments {
     }
 }
 
-fn read_standard_input() -> Result<Scene, SceneError> {
-    let file = "standard input";
-    let mut bytes = Vec::new();
-    match std::io::stdin().lock().read_to_end(&mut bytes) {
-        Ok(_) => decode_scene(file, bytes),
-        Err(source) => Err(SceneError::Unreadable {
-            file: file.to_owned(),
-            source,
-        }),
+/// A scene and the text it came from.
+pub(crate) struct Source {
+    pub(crate) scene: Scene,
+    file: String,
+    text: String,
+}
+
+impl Source {
+    /// Why the scene cannot be simulated, with the place in its file.
+    pub(crate) fn advised(&self, error: &SetupError) -> Advised {
+        let advice = error.advice();
+        let Some(path) = error.path() else {
+            return Advised {
+                message: format!("{}: {error}", self.file),
+                advice: advice.map(str::to_owned),
+            };
+        };
+        let finding = Finding::at(&self.text, path, error.to_string(), advice);
+        Advised {
+            message: format!("{}:{finding}", self.file),
+            advice: finding.advice,
+        }
     }
 }
 

@@ -1,0 +1,45 @@
+//! Ordering and symbolic factorization, numeric factorization, solution, for
+//! the matrix M + h²H of the scenes at h = 1/60 s.
+
+mod common;
+
+use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
+use springs::assembly::{Projection, Weights, compile};
+use springs::solver::SparseCholesky;
+
+fn solver(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("solver");
+    for scene in common::scenes() {
+        let system = compile(&scene).expect("a sound scene");
+        let (x, v) = (system.initial_positions(), system.initial_velocities());
+        let weights = Weights::of_step(1.0 / 60.0);
+        let mut at = system.linearization();
+        system.linearize(x, v, Projection::Clamp, None, weights, &mut at);
+        let matrix = &at.matrix;
+        let pairs = system.pattern().pairs();
+
+        let id = |what| BenchmarkId::new(what, &scene.name);
+        let analyze = || SparseCholesky::analyze(system.n_free(), pairs).expect("enough memory");
+        group.bench_function(id("symbolic"), |bencher| bencher.iter(analyze));
+        let mut cholesky = analyze();
+        group.bench_function(id("factorization"), |bencher| {
+            bencher.iter(|| {
+                cholesky
+                    .factorize(matrix.diagonal(), matrix.off_diagonal())
+                    .expect("positive definite")
+            });
+        });
+        let mut rhs = vec![1.0; 3 * system.n_free()];
+        group.bench_function(id("solve"), |bencher| {
+            bencher.iter(|| cholesky.solve_in_place(&mut rhs));
+        });
+    }
+    group.finish();
+}
+
+criterion_group! {
+    name = benches;
+    config = common::criterion();
+    targets = solver
+}
+criterion_main!(benches);

@@ -1,0 +1,262 @@
+//! Global forces and matrices against differences of energy and force, and the
+//! bookkeeping of free, fixed and moving nodes against a system without any.
+
+use nalgebra::{DMatrix, DVector, Vector3};
+use springs_assembly::{ForceEmitter, Linearization, Projection, System, Weights, compile};
+use springs_scene::generate::{Material, block, chain, cloth, disturb};
+use springs_scene::{Node, Scene};
+
+/// Scenes whose groups of springs have full and partial lanes, dashpots, fixed
+/// and moving nodes.
+fn scenes() -> Vec<Scene> {
+    let mut scenes = Vec::new();
+    for mut scene in [
+        chain(1, Material::of_chain(1)),
+        chain(11, Material::of_chain(11)),
+        cloth(5, Material::of_cloth()),
+        block(3, Material::of_block()),
+    ] {
+        disturb(&mut scene, 0.05, 4);
+        let last = scene.nodes.len() - 1;
+        scene.add_node(Node {
+            velocity: Vector3::new(1.0, -2.0, 0.5),
+            ..Node::fixed(Vector3::new(1.5, 0.2, 0.3))
+        });
+        scene.add_spring(last, last + 1, 700.0);
+        // Twice, the other way round, and between fixed nodes.
+        scene.add_spring(last + 1, last, 300.0);
+        scene.add_spring(0, last + 1, 100.0);
+        for (index, spring) in scene.springs.iter_mut().enumerate() {
+            spring.rest_length *= 0.8 + 0.05 * (index % 7) as f64;
+            spring.damping = if index % 3 == 0 {
+                0.0
+            } else {
+                0.1 * index as f64
+            };
+        }
+        for (index, node) in scene.nodes.iter_mut().enumerate() {
+            if !node.fixed {
+                node.velocity = Vector3::new(0.1 * index as f64, -0.3, 0.02 * index as f64);
+            }
+        }
+        scenes.push(scene);
+    }
+    scenes
+}
+
+fn linearize(system: &System, projection: Projection, weights: Weights) -> Linearization {
+    let mut at = system.linearization();
+    let (x, v) = (system.initial_positions(), system.initial_velocities());
+    system.linearize(x, v, projection, None, weights, &mut at);
+    at
+}
+
+fn dense(at: &Linearization) -> DMatrix<f64> {
+    let n = 3 * at.forces.len();
+    let mut dense = DMatrix::zeros(n, n);
+    for (row, column, value) in at.matrix.triplets() {
+        dense[(row, column)] += value;
+    }
+    dense
+}
+
+fn flat(vectors: &[Vector3<f64>]) -> DVector<f64> {
+    DVector::from_iterator(3 * vectors.len(), vectors.iter().flatten().copied())
+}
+
+/// Central difference of `f` at scalar `row` of the free blocks.
+fn difference<T>(x: &[Vector3<f64>], row: usize, step: f64, f: impl Fn(&[Vector3<f64>]) -> T) -> T
+where
+    T: std::ops::Sub<Output = T> + std::ops::Div<f64, Output = T>,
+{
+    let moved = |by: f64| {
+        let mut x = x.to_vec();
+        x[row / 3][row % 3] += by;
+        f(&x)
+    };
+    (moved(step) - moved(-step)) / (2.0 * step)
+}
+
+#[test]
+fn forces_are_minus_the_slope_of_the_energy() {
+    for scene in scenes() {
+        let system = compile(&scene).unwrap();
+        let (x, v) = (system.initial_positions(), system.initial_velocities());
+        let forces = flat(&linearize(&system, Projection::None, Weights::STIFFNESS).forces);
+        for row in 0..3 * system.n_free() {
+            let slope = difference(x, row, 1e-6, |x| {
+                let energy = system.energy(x, v);
+                energy.elastic + energy.gravity
+            });
+            assert!(
+                (forces[row] + slope).abs() < 1e-5 * forces.amax(),
+                "{}",
+                scene.name
+            );
+        }
+    }
+}
+
+#[test]
+fn the_matrix_is_minus_the_slope_of_the_forces() {
+    for scene in scenes() {
+        let system = compile(&scene).unwrap();
+        let (x, v) = (system.initial_positions(), system.initial_velocities());
+        let forces = |x: &[Vector3<f64>], v: &[Vector3<f64>]| {
+            let mut forces = vec![Vector3::zeros(); system.n_free()];
+            system.forces(x, v, &mut forces);
+            flat(&forces)
+        };
+        let at_rest = vec![Vector3::zeros(); x.len()];
+        let stiffness = dense(&linearize(&system, Projection::None, Weights::STIFFNESS));
+        let only_damping = Weights {
+            mass: 0.0,
+            damping: 1.0,
+            stiffness: 0.0,
+        };
+        let damping = dense(&linearize(&system, Projection::None, only_damping));
+        for row in 0..3 * system.n_free() {
+            let column = difference(x, row, 1e-6, |x| forces(x, &at_rest));
+            let error = (stiffness.column(row) + column).amax() / stiffness.amax();
+            assert!(error < 1e-8, "{}, H: {error:e}", scene.name);
+            // Dashpot forces are linear in velocity.
+            let column = difference(v, row, 1.0, |v| forces(x, v));
+            let error = (damping.column(row) + column).amax();
+            assert!(
+                error < 1e-9 * (1.0 + stiffness.amax()),
+                "{}, D: {error:e}",
+                scene.name
+            );
+        }
+    }
+}
+
+/// Fixing nodes takes their rows and columns out of the matrix of the same
+/// scene with all nodes free, and moving anchors multiply theirs.
+#[test]
+fn fixed_nodes_are_partitioned_out() {
+    let weights = Weights {
+        mass: 2.0,
+        damping: 0.1,
+        stiffness: 0.01,
+    };
+    for scene in scenes() {
+        let system = compile(&scene).unwrap();
+        let mut all_free = scene.clone();
+        all_free
+            .nodes
+            .iter_mut()
+            .for_each(|node| node.fixed = false);
+        let whole = compile(&all_free).unwrap();
+        for projection in [
+            Projection::None,
+            Projection::Clamp,
+            Projection::Absolute,
+            Projection::Drop,
+        ] {
+            let at = linearize(&system, projection, weights);
+            let reference = linearize(&whole, projection, weights);
+            let matrix = dense(&reference);
+            let scalars = |fixed: bool| -> Vec<usize> {
+                let nodes = (0..scene.nodes.len()).filter(|&node| scene.nodes[node].fixed == fixed);
+                nodes.flat_map(|node| 3 * node..3 * node + 3).collect()
+            };
+            let (free, fixed) = (scalars(false), scalars(true));
+            let rows = matrix.select_rows(&free);
+            let scale = matrix.amax();
+            let error = (dense(&at) - rows.select_columns(&free)).amax();
+            assert!(error < 1e-14 * scale, "{}: {error:e}", scene.name);
+            let velocities = flat(whole.initial_velocities()).select_rows(&fixed);
+            let load = -(rows.select_columns(&fixed) * velocities);
+            let error = (flat(&at.anchor_load) - load).amax();
+            assert!(error < 1e-13 * scale, "{}: {error:e}", scene.name);
+            let forces = flat(&reference.forces).select_rows(&free);
+            assert!((flat(&at.forces) - &forces).amax() < 1e-14 * forces.amax().max(scale));
+        }
+    }
+}
+
+#[test]
+fn spring_forces_sum_to_zero_without_fixed_nodes() {
+    for mut scene in scenes() {
+        scene.nodes.iter_mut().for_each(|node| node.fixed = false);
+        let system = compile(&scene).unwrap();
+        let (x, v) = (system.initial_positions(), system.initial_velocities());
+        let mut forces = vec![Vector3::zeros(); system.n_free()];
+        system.springs().add_forces(x, v, &mut forces);
+        system.dashpots().add_forces(x, v, &mut forces);
+        let largest = forces.iter().map(|f| f.norm()).fold(0.0, f64::max);
+        let sum: Vector3<f64> = forces.iter().sum();
+        assert!(sum.norm() < 1e-13 * largest * forces.len() as f64);
+    }
+}
+
+/// Emitters one by one give what the fused pass gives.
+#[test]
+fn the_fused_pass_equals_the_emitters_one_by_one() {
+    for scene in scenes() {
+        let system = compile(&scene).unwrap();
+        let (x, v) = (system.initial_positions(), system.initial_velocities());
+        let fused = linearize(&system, Projection::None, Weights::of_step(0.01));
+        let mut forces = vec![Vector3::zeros(); system.n_free()];
+        system.forces(x, v, &mut forces);
+        let mut dashpots = vec![Vector3::zeros(); system.n_free()];
+        system.dashpots().add_forces(x, v, &mut dashpots);
+        for ((all, dashpots), fused) in forces.iter().zip(&dashpots).zip(&fused.forces) {
+            assert!((all - dashpots - fused).norm() < 1e-12 * (1.0 + all.norm()));
+        }
+        let zero = Weights {
+            mass: 1.0,
+            damping: 0.0,
+            stiffness: 0.0,
+        };
+        let mut one_by_one = linearize(&system, Projection::None, zero);
+        let emitters: [&dyn ForceEmitter; 2] = [system.springs(), system.dashpots()];
+        for emitter in emitters {
+            emitter.add_matrix(x, Weights::of_step(0.01), &mut one_by_one.matrix);
+        }
+        let difference = dense(&one_by_one) - dense(&fused);
+        assert!(difference.amax() < 1e-14 * dense(&fused).amax());
+    }
+}
+
+#[test]
+fn tensions_and_compression_follow_the_springs() {
+    let mut scene = chain(9, Material::of_chain(9));
+    for spring in &mut scene.springs[..4] {
+        spring.rest_length *= 1.5;
+    }
+    let system = compile(&scene).unwrap();
+    let (x, springs) = (system.initial_positions(), system.springs());
+    let mut tensions = vec![0.0; springs.len()];
+    springs.tensions(x, &mut tensions);
+    for (index, tension) in tensions.iter().enumerate() {
+        let spring = &scene.springs[springs.scene_index(index)];
+        let expected = spring.stiffness * (1.0 / 9.0 - spring.rest_length);
+        assert!((tension - expected).abs() < 1e-9);
+    }
+    assert_eq!(springs.count_compressed(x, None), 4);
+    tensions.fill(-1.0);
+    assert_eq!(springs.count_compressed(x, Some(&tensions)), 9);
+
+    // Along the springs the prediction is exact.
+    let v: Vec<_> = x.iter().map(|x| x * 0.1).collect();
+    let h = 0.5;
+    springs.predict_tensions(x, &v, h, &mut tensions);
+    let moved: Vec<_> = x.iter().zip(&v).map(|(x, v)| x + v * h).collect();
+    let mut expected = vec![0.0; springs.len()];
+    springs.tensions(&moved, &mut expected);
+    for (predicted, expected) in tensions.iter().zip(&expected) {
+        assert!((predicted - expected).abs() < 1e-9);
+    }
+}
+
+#[test]
+fn bounds_are_those_of_the_stiffest_node() {
+    let mut scene = chain(2, Material::of_chain(2));
+    scene.springs[1].damping = 3.0;
+    let system = compile(&scene).unwrap();
+    // The free end has ¼ kg and one spring of 2e4 N/m, the middle ½ kg and two.
+    assert!((system.frequency_bound() - (2.0 * 4e4 / 0.5f64).sqrt()).abs() < 1e-9);
+    assert!((system.damping_rate_bound() - 2.0 * 3.0 / 0.25).abs() < 1e-12);
+}

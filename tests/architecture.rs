@@ -1,0 +1,113 @@
+//! What each crate may depend on, and what its package holds.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+use std::process::Command;
+
+fn cargo(arguments: &[&str]) -> String {
+    let output = Command::new(env!("CARGO"))
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .args(arguments)
+        .output()
+        .unwrap();
+    let error = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "cargo {arguments:?}: {error}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// Names of everything that a crate depends on, directly or not.
+fn dependencies(of: &str) -> BTreeSet<String> {
+    let tree = cargo(&["tree", "-p", of, "-e", "normal", "--prefix", "none"]);
+    tree.lines()
+        .skip(1)
+        .filter_map(|line| line.split_whitespace().next())
+        .map(str::to_owned)
+        .collect()
+}
+
+#[test]
+fn dependencies_point_one_way() {
+    // Crate, and which of the others and of the heavy libraries it may know.
+    let allowed: [(&str, &[&str]); 6] = [
+        ("springs-math", &["nalgebra"]),
+        ("springs-scene", &["nalgebra"]),
+        (
+            "springs-assembly",
+            &["nalgebra", "springs-math", "springs-scene"],
+        ),
+        ("springs-solver", &["faer"]),
+        (
+            "springs-step",
+            &[
+                "faer",
+                "nalgebra",
+                "springs-assembly",
+                "springs-math",
+                "springs-scene",
+                "springs-solver",
+            ],
+        ),
+        ("springs-io", &["nalgebra", "ron", "serde", "springs-scene"]),
+    ];
+    let watched = |name: &&String| {
+        name.starts_with("springs") || ["faer", "nalgebra", "ron", "serde"].contains(&name.as_str())
+    };
+    for (name, allowed) in allowed {
+        let known = dependencies(name);
+        let known: Vec<&str> = known.iter().filter(watched).map(String::as_str).collect();
+        assert_eq!(known, allowed, "{name}");
+    }
+}
+
+#[test]
+fn only_the_solver_names_faer() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    for entry in std::fs::read_dir(root.join("crates")).unwrap() {
+        let manifest = entry.unwrap().path().join("Cargo.toml");
+        let Ok(text) = std::fs::read_to_string(&manifest) else {
+            continue;
+        };
+        let is_solver = manifest.to_string_lossy().contains("springs-solver");
+        assert_eq!(text.contains("\nfaer"), is_solver, "{}", manifest.display());
+    }
+}
+
+#[test]
+fn packages_hold_what_they_should() {
+    let listed = |package: &str| -> BTreeSet<String> {
+        let list = cargo(&["package", "--list", "--allow-dirty", "-p", package]);
+        list.lines().map(|line| line.replace('\\', "/")).collect()
+    };
+    for package in [
+        "springs-math",
+        "springs-scene",
+        "springs-assembly",
+        "springs-solver",
+        "springs-step",
+        "springs-io",
+    ] {
+        let files = listed(package);
+        for file in ["src/lib.rs", "README.md", "LICENSE-MIT", "LICENSE-APACHE"] {
+            assert!(files.contains(file), "{package} lacks {file}");
+        }
+    }
+    let files = listed("springs");
+    for file in [
+        "crates/springs/lib.rs",
+        "crates/springs/main.rs",
+        "crates/springs/cli/run.rs",
+        "examples/power_line.rs",
+        "examples/scenes/power-line.ron",
+        "benches/step.rs",
+        "tests/dense_twin.rs",
+        "README.md",
+        "LICENSE-MIT",
+        "LICENSE-APACHE",
+    ] {
+        assert!(files.contains(file), "springs lacks {file}");
+    }
+    assert!(
+        !files.iter().any(|file| file.contains("springs-math")),
+        "the root package must not hold other crates"
+    );
+}

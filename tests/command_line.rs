@@ -1,0 +1,346 @@
+//! The program as a script sees it: files, streams, exit codes.
+
+use serde_json::Value;
+use springs::io::read_scene;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+/// A folder of its own and the program in it.
+struct Desk(tempfile::TempDir);
+
+impl Desk {
+    fn new() -> Self {
+        Self(tempfile::tempdir().unwrap())
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn springs(&self, arguments: &str) -> Output {
+        Command::new(env!("CARGO_BIN_EXE_springs"))
+            .current_dir(&self.0)
+            .args(arguments.split_whitespace())
+            .stdin(Stdio::null())
+            .output()
+            .unwrap()
+    }
+
+    /// Runs, expects an exit code, and returns what went to standard error.
+    fn expect(&self, code: i32, arguments: &str) -> String {
+        let output = self.springs(arguments);
+        let error = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(code), "{arguments}: {error}");
+        assert!(output.stdout.is_empty() || code == 0, "{arguments}");
+        error
+    }
+
+    fn scene(&self, name: &str, arguments: &str) {
+        let output = self.springs(&format!("new {arguments}"));
+        assert!(output.status.success());
+        std::fs::write(self.path(name), output.stdout).unwrap();
+    }
+
+    fn report(&self, folder: &str) -> Value {
+        serde_json::from_str(&self.read(&format!("{folder}/report.json"))).unwrap()
+    }
+
+    fn read(&self, name: &str) -> String {
+        std::fs::read_to_string(self.path(name)).unwrap()
+    }
+}
+
+/// What scripts rely on in report.json.
+const PROMISED_FIELDS: [&str; 26] = [
+    "/method",
+    "/tangent",
+    "/threads",
+    "/nodes",
+    "/springs",
+    "/unknowns",
+    "/steps",
+    "/rejected_steps",
+    "/force_evaluations",
+    "/symbolic_factorizations",
+    "/factorizations",
+    "/solves",
+    "/newton_iterations",
+    "/clamped_springs",
+    "/simulated_seconds",
+    "/seconds/total",
+    "/seconds/setup",
+    "/seconds/stepping",
+    "/seconds/assembly",
+    "/seconds/factorization",
+    "/seconds/solve",
+    "/seconds/output",
+    "/energy/start",
+    "/energy/end",
+    "/peak_memory_bytes",
+    "/status",
+];
+
+#[test]
+fn a_run_writes_its_files() {
+    let desk = Desk::new();
+    desk.scene("net.ron", "cloth 6 --duration 0.5");
+    let said = desk.expect(0, "run net.ron --write csv,svg --frames 4");
+    assert!(said.contains("36 nodes"), "{said}");
+    let mut files: Vec<String> = std::fs::read_dir(desk.path("net"))
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    files.sort();
+    assert_eq!(
+        files,
+        [
+            "filmstrip.svg",
+            "final.ron",
+            "report.json",
+            "trajectory.csv"
+        ]
+    );
+
+    let report = desk.report("net");
+    assert_eq!(report["status"], "finished");
+    assert_eq!(report["nodes"], 36);
+    assert_eq!(report["unknowns"], 102);
+    assert_eq!(report["steps"], 30);
+    assert_eq!(report["simulated_seconds"], 0.5);
+    assert_eq!(report["symbolic_factorizations"], 1);
+    for field in PROMISED_FIELDS {
+        assert!(report.pointer(field).is_some(), "{field}");
+    }
+    let number = |field: &str| report.pointer(field).unwrap().as_f64().unwrap();
+    assert!(number("/seconds/total") >= number("/seconds/stepping"));
+    let balance = number("/energy/start/total") + number("/energy/anchor_work")
+        - number("/energy/dashpot_heat")
+        + number("/energy/method_gain");
+    assert!((balance - number("/energy/end/total")).abs() < 1e-12);
+
+    let table = desk.read("net/trajectory.csv");
+    let mut lines = table.lines();
+    assert_eq!(lines.next(), Some("time,node,x,y,z,vx,vy,vz"));
+    assert_eq!(table.lines().count(), 1 + 5 * 36);
+    assert!(table.lines().last().unwrap().starts_with("0.5,35,"));
+    // The last frame is the final scene, bit for bit.
+    let last = read_scene(&desk.path("net/final.ron")).unwrap();
+    for (node, line) in last.nodes.iter().zip(table.lines().skip(1 + 4 * 36)) {
+        let numbers: Vec<f64> = line
+            .split(',')
+            .map(|number| number.parse().unwrap())
+            .collect();
+        assert_eq!(numbers[2..5], *node.position.as_slice());
+        assert_eq!(numbers[5..8], *node.velocity.as_slice());
+    }
+}
+
+#[test]
+fn frames_do_not_change_the_steps() {
+    let desk = Desk::new();
+    desk.scene("chain.ron", "chain 8 --duration 0.3");
+    desk.expect(0, "run chain.ron --out a --quiet");
+    desk.expect(0, "run chain.ron --out b --quiet --write csv --frames 77");
+    assert_eq!(desk.read("a/final.ron"), desk.read("b/final.ron"));
+    assert_eq!(desk.read("b/trajectory.csv").lines().count(), 1 + 78 * 9);
+}
+
+#[test]
+fn a_run_continues_from_its_final_scene() {
+    let desk = Desk::new();
+    desk.scene("whole.ron", "cloth 5 --duration 0.5");
+    desk.expect(0, "run whole.ron --quiet");
+    desk.expect(0, "run whole.ron --quiet --duration 0.25 --out half");
+    desk.expect(0, "run half/final.ron --quiet --out rest");
+    let whole = read_scene(&desk.path("whole/final.ron")).unwrap();
+    let rest = read_scene(&desk.path("rest/final.ron")).unwrap();
+    assert_eq!(whole.nodes, rest.nodes);
+}
+
+#[test]
+fn results_are_not_overwritten() {
+    let desk = Desk::new();
+    desk.scene("chain.ron", "chain 3 --duration 0.1");
+    desk.expect(0, "run chain.ron --quiet --write csv");
+    let before = desk.read("chain/final.ron");
+    let said = desk.expect(2, "run chain.ron --duration 0.2");
+    assert!(
+        said.contains("of another run") && said.contains("--force"),
+        "{said}"
+    );
+    assert_eq!(desk.read("chain/final.ron"), before);
+    desk.expect(0, "run chain.ron --quiet --duration 0.2 --force");
+    assert_ne!(desk.read("chain/final.ron"), before);
+    assert!(
+        !desk.path("chain/trajectory.csv").exists(),
+        "of the older run"
+    );
+    std::fs::write(desk.path("file"), "in the way").unwrap();
+    desk.expect(2, "run chain.ron --out file --force");
+    assert_eq!(desk.read("file"), "in the way");
+}
+
+#[test]
+fn quiet_means_silent() {
+    let desk = Desk::new();
+    desk.scene("chain.ron", "chain 3 --duration 0.1");
+    assert_eq!(desk.expect(0, "run chain.ron --quiet"), "");
+}
+
+#[test]
+fn wrong_command_lines_exit_with_2_and_write_nothing() {
+    let desk = Desk::new();
+    desk.scene("chain.ron", "chain 3");
+    for arguments in [
+        "",
+        "walk chain.ron",
+        "run",
+        "run no-such-file.ron",
+        "run .",
+        "run chain.ron --method leapfrog",
+        "run chain.ron --tangent secant",
+        "run chain.ron --step 0",
+        "run chain.ron --step -0.1",
+        "run chain.ron --step nan",
+        "run chain.ron --step 0.1 --tolerance 0.1",
+        "run chain.ron --tolerance 0.1",
+        "run chain.ron --duration -1",
+        "run chain.ron --duration inf",
+        "run chain.ron --frames 0",
+        "run chain.ron --threads 0",
+        "run chain.ron --write obj",
+        "check",
+        "check no-such-file.ron",
+        "new",
+        "new rope 3",
+        "new chain 0",
+        "new cloth 1",
+        "new cloth 1000000000",
+        "new chain 3 --mass -1",
+        "new chain 3 --stiffness nan",
+        "new chain 3 --gravity 1,2",
+    ] {
+        desk.expect(2, arguments);
+    }
+    let left = std::fs::read_dir(&desk.0).unwrap().count();
+    assert_eq!(left, 1, "only the scene");
+}
+
+#[test]
+fn a_failing_simulation_exits_with_3_and_keeps_its_frames() {
+    let desk = Desk::new();
+    // A stiff chain in explicit steps far above the stability limit.
+    desk.scene("chain.ron", "chain 6 --disturbance 1e-3");
+    let said = desk.expect(
+        3,
+        "run chain.ron --method velocity-verlet --step 0.1 --duration 100 --write csv,svg",
+    );
+    assert!(said.contains("stopped being a finite number"), "{said}");
+    let report = desk.report("chain");
+    assert_eq!(report["status"], "failed");
+    let failure = &report["failure"];
+    assert!(failure["node"].as_u64().unwrap() > 0);
+    assert!(failure["reason"].as_str().unwrap().contains("node"));
+    let steps = report["steps"].as_u64().unwrap();
+    assert_eq!(failure["step"], steps + 1);
+    let table = desk.read("chain/trajectory.csv");
+    let last = table.lines().last().unwrap();
+    let last: f64 = last.split(',').next().unwrap().parse().unwrap();
+    assert!(last > 0.0 && last <= report["simulated_seconds"].as_f64().unwrap());
+    assert!(read_scene(&desk.path("chain/final.ron")).is_ok());
+    assert!(desk.path("chain/filmstrip.svg").exists());
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_run_exits_with_130_and_keeps_its_frames() {
+    let desk = Desk::new();
+    desk.scene("cloth.ron", "cloth 8 --duration 1e6");
+    let mut child = Command::new(env!("CARGO_BIN_EXE_springs"))
+        .current_dir(&desk.0)
+        .args(["run", "cloth.ron", "--write", "csv", "--frames", "1000000"])
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    // Wait until it is on its way.
+    while !desk.path("cloth").exists() {
+        std::thread::sleep(std::time::Duration::from_millis(10));
+    }
+    std::thread::sleep(std::time::Duration::from_millis(300));
+    let interrupt = Command::new("kill")
+        .args(["-INT", &child.id().to_string()])
+        .status()
+        .unwrap();
+    assert!(interrupt.success());
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    let report = desk.report("cloth");
+    assert_eq!(report["status"], "interrupted");
+    assert!(report["steps"].as_u64().unwrap() > 0);
+    assert!(read_scene(&desk.path("cloth/final.ron")).is_ok());
+    assert!(desk.read("cloth/trajectory.csv").ends_with('\n'));
+}
+
+#[test]
+fn scenes_come_through_pipes() {
+    let desk = Desk::new();
+    desk.scene("chain.ron", "chain 4 --duration 0.1");
+    let mut child = Command::new(env!("CARGO_BIN_EXE_springs"))
+        .current_dir(&desk.0)
+        .args(["run", "-", "--quiet"])
+        .stdin(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let text = desk.read("chain.ron");
+    child
+        .stdin
+        .take()
+        .unwrap()
+        .write_all(text.as_bytes())
+        .unwrap();
+    assert!(child.wait().unwrap().success());
+    desk.expect(0, "run chain.ron --quiet");
+    assert_eq!(desk.read("scene/final.ron"), desk.read("chain/final.ron"));
+}
+
+#[test]
+fn check_runs_nothing_and_says_what_is_there() {
+    let desk = Desk::new();
+    desk.scene(
+        "block.ron",
+        "block 3 --stiffness 1e9 --method velocity-verlet",
+    );
+    let output = desk.springs("check block.ron");
+    assert!(output.status.success());
+    let said = String::from_utf8(output.stdout).unwrap();
+    for part in [
+        "27 nodes: 18 free, 9 fixed",
+        "skipped",
+        "all matrices",
+        "may be unstable",
+    ] {
+        assert!(said.contains(part), "{part} in:\n{said}");
+    }
+    assert_eq!(std::fs::read_dir(&desk.0).unwrap().count(), 1);
+}
+
+#[test]
+fn every_real_scene_runs() {
+    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/scenes");
+    let mut run = 0;
+    for entry in std::fs::read_dir(scenes).unwrap() {
+        let path = entry.unwrap().path();
+        let desk = Desk::new();
+        let checked = desk.springs(&format!("check {}", path.display()));
+        assert!(checked.status.success(), "{}", path.display());
+        desk.expect(
+            0,
+            &format!(
+                "run {} --duration 0.2 --write csv,svg --quiet",
+                path.display()
+            ),
+        );
+        run += 1;
+    }
+    assert!(run >= 4);
+}

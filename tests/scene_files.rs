@@ -1,0 +1,128 @@
+//! Scene files read back bit for bit, and in every spelling that is promised.
+
+mod common;
+
+use common::{Random, tangle};
+use springs::io::{parse_scene, scene_to_string};
+use springs::scene::generate::{Material, block, chain, cloth};
+use springs::scene::{Method, Scene, StepControl, Tangent, Vector3};
+
+fn bits(scene: &Scene) -> Vec<u64> {
+    let nodes = scene.nodes.iter().flat_map(|node| {
+        let vectors = [node.position, node.velocity];
+        let numbers: Vec<f64> = vectors
+            .iter()
+            .flatten()
+            .copied()
+            .chain([node.mass])
+            .collect();
+        numbers
+    });
+    let springs = scene.springs.iter().flat_map(|spring| {
+        [
+            spring.stiffness,
+            spring.rest_length,
+            spring.mass,
+            spring.damping,
+        ]
+    });
+    let gravity = scene.gravity.iter().copied();
+    gravity
+        .chain(nodes)
+        .chain(springs)
+        .map(f64::to_bits)
+        .collect()
+}
+
+#[test]
+fn written_scenes_read_back_to_the_same_bits() {
+    let mut odd = tangle(20, 1);
+    let mut random = Random(77);
+    for node in &mut odd.nodes {
+        // Any finite bits: subnormal, huge, negative zero.
+        for number in node.position.iter_mut().chain(node.velocity.iter_mut()) {
+            let bits =
+                (random.unit() * 2f64.powi(63)) as u64 ^ ((random.unit() * 1e9) as u64) << 40;
+            let candidate = f64::from_bits(bits);
+            *number = if candidate.is_finite() {
+                candidate
+            } else {
+                -0.0
+            };
+        }
+    }
+    odd.nodes[3].velocity = Vector3::repeat(-0.0);
+    odd.name = "quotes \" and \\ and \n lines, µ".to_owned();
+    odd.settings.tangent = Some(Tangent::Filtered);
+    odd.settings.step = StepControl::Tolerance(1e-300);
+    odd.settings.method = Method::VelocityVerlet;
+    let scenes = [
+        Scene::default(),
+        chain(5, Material::of_chain(5)),
+        cloth(5, Material::of_cloth()),
+        block(3, Material::of_block()),
+        odd,
+    ];
+    for scene in scenes {
+        let text = scene_to_string(&scene);
+        let back = parse_scene("test", &text).unwrap();
+        assert_eq!(back, scene);
+        assert_eq!(bits(&back), bits(&scene));
+    }
+}
+
+#[test]
+fn both_brackets_integers_comments_and_short_forms_are_read() {
+    let plain = "Scene(
+        version: 1,
+        gravity: (0, 0, -10),
+        nodes: [(position: (0, 0, 0), fixed: true), (position: (3, 4, 0), mass: 2)],
+        springs: [(nodes: (0, 1), stiffness: 7)],
+    )";
+    let expected = parse_scene("plain", plain).unwrap();
+    assert_eq!(expected.springs[0].rest_length, 5.0);
+    assert_eq!(expected.settings.method, Method::Auto);
+    assert_eq!(expected.settings.duration, 1.0);
+    let spellings = [
+        "(version: 1, gravity: [0, 0, -10.0],
+         nodes: ((position: [0, 0, 0], fixed: true), (mass: 2.0, position: [3, 4, 0])),
+         springs: ((stiffness: 7e0, nodes: [0, 1],),),)",
+        "\u{feff}#![enable(implicit_some)]
+         // a comment
+         Scene(version: 1, /* another */ gravity: (0, 0, -1e1),
+         nodes: [(position: (0, 0, 0), fixed: true), (position: (3, 4, 0), mass: 2)],
+         springs: [(nodes: (0, 1), stiffness: 7, rest_length: 5)], simulation: ())",
+    ];
+    for text in spellings {
+        assert_eq!(parse_scene("spelling", text).unwrap(), expected);
+    }
+}
+
+/// The example of the scene format, as users know it.
+#[test]
+fn the_documented_scene_is_read() {
+    let scene = parse_scene(
+        "documented",
+        r#"// A weight on two springs; the first end is fixed.
+Scene(
+    version: 1,
+    name: "two springs",
+    gravity: (0, 0, -9.81),
+    nodes: [
+        (position: (0, 0, 0), fixed: true),
+        (position: (0.5, 0, 0)),
+        (position: (1, 0, 0), velocity: (0, 0, 1), mass: 0.2),
+    ],
+    springs: [
+        (nodes: (0, 1), stiffness: 100, rest_length: 0.5, mass: 0.1, damping: 0.5),
+        (nodes: (1, 2), stiffness: 100, mass: 0.1),
+    ],
+    simulation: (method: LinearlyImplicitEuler, step: 0.01, duration: 2),
+)"#,
+    )
+    .unwrap();
+    assert_eq!(scene.nodes[2].velocity.z, 1.0);
+    assert_eq!(scene.springs[1].rest_length, 0.5);
+    assert_eq!(scene.settings.step, StepControl::Fixed(0.01));
+    assert_eq!(scene.settings.method, Method::LinearlyImplicitEuler);
+}
