@@ -3,7 +3,7 @@
 mod common;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use springs::assembly::{Projection, Weights, compile};
+use springs::assembly::{Evaluation, Projection, Weights, compile};
 
 fn assembly(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("assembly");
@@ -19,9 +19,16 @@ fn assembly(criterion: &mut Criterion) {
         group.bench_function(id("forces"), |bencher| {
             bencher.iter(|| system.forces(x, v, &mut out.forces));
         });
-        let weights = Weights::of_step(1.0 / 60.0);
+        let at = Evaluation {
+            x,
+            v,
+            projection: Projection::None,
+            tensions: None,
+            dashpot_tension: false,
+            weights: Weights::of_step(1.0 / 60.0),
+        };
         group.bench_function(id("forces and matrix"), |bencher| {
-            bencher.iter(|| system.linearize(x, v, Projection::None, None, weights, &mut out));
+            bencher.iter(|| system.linearize(&at, &mut out));
         });
     }
     group.finish();

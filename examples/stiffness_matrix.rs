@@ -10,7 +10,7 @@
 //! ```
 
 use nalgebra::DMatrix;
-use springs_assembly::{Projection, Weights, compile};
+use springs_assembly::{Evaluation, Projection, Weights, compile};
 use springs_scene::generate::{Material, chain};
 
 const SEGMENTS: usize = 50;
@@ -26,17 +26,24 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
 
     let system = compile(&scene)?;
-    let (x, v) = (system.initial_positions(), system.initial_velocities());
-    let mut at = system.linearization();
-    system.linearize(x, v, Projection::None, None, Weights::STIFFNESS, &mut at);
-    let unbalanced = at.forces.iter().map(|f| f.norm()).fold(0.0, f64::max);
+    let at = Evaluation {
+        x: system.initial_positions(),
+        v: system.initial_velocities(),
+        projection: Projection::None,
+        tensions: None,
+        dashpot_tension: false,
+        weights: Weights::STIFFNESS,
+    };
+    let mut out = system.linearization();
+    system.linearize(&at, &mut out);
+    let unbalanced = out.forces.iter().map(|f| f.norm()).fold(0.0, f64::max);
     println!("largest unbalanced force: {unbalanced:.1e} N");
 
     // M^-½ K M^-½ from the triplets.
     let n = 3 * system.n_free();
     let root = |scalar: usize| system.masses()[scalar / 3].sqrt();
     let mut scaled = DMatrix::zeros(n, n);
-    for (row, column, value) in at.matrix.triplets() {
+    for (row, column, value) in out.matrix.triplets() {
         scaled[(row, column)] = value / (root(row) * root(column));
     }
     let mut squares: Vec<f64> = scaled.symmetric_eigenvalues().iter().copied().collect();

@@ -42,6 +42,15 @@ fn the_settled_line_is_an_elastic_catenary_to_second_order() {
     assert!(errors[3] < 2e-4, "{errors:?}");
 }
 
+/// What the README says of the scene as it stands.
+#[test]
+fn the_scene_settles_within_its_minute() {
+    let mut simulation = springs::step::Simulation::new(&power_line(60)).unwrap();
+    simulation.run(1, &mut ()).unwrap();
+    let error = deviation(&simulation.nodes().positions);
+    assert!(error < 6e-4, "{error:e} m");
+}
+
 /// Parabola: for a shallow line H³ = EA w² S²/24, sag = w S²/(8 H).
 #[test]
 fn the_catenary_agrees_with_the_shallow_formula() {

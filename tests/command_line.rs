@@ -146,6 +146,33 @@ fn frames_do_not_change_the_steps() {
     assert_eq!(desk.read("b/trajectory.csv").lines().count(), 1 + 78 * 9);
 }
 
+/// A duration that is a whole number of steps only within 1e-9.
+#[test]
+fn the_last_frame_is_the_final_state() {
+    let desk = Desk::new();
+    desk.scene("chain.ron", "chain 4");
+    for duration in ["100.00000005", "99.99999995", "100", "99.97"] {
+        desk.expect(
+            0,
+            &format!("run chain.ron --step 0.1 --duration {duration} --frames 4 --write csv --force --quiet"),
+        );
+        let table = desk.read("chain/trajectory.csv");
+        assert_eq!(table.lines().count(), 1 + 5 * 5, "{duration}");
+        let last = table.lines().last().unwrap();
+        assert!(
+            last.starts_with(&format!("{:?},4,", duration.parse::<f64>().unwrap())),
+            "{last}"
+        );
+        let x: f64 = last.split(',').nth(2).unwrap().parse().unwrap();
+        assert_eq!(
+            x,
+            read_scene(&desk.path("chain/final.ron")).unwrap().nodes[4]
+                .position
+                .x
+        );
+    }
+}
+
 #[test]
 fn a_run_continues_from_its_final_scene() {
     let desk = Desk::new();
@@ -204,7 +231,8 @@ fn wrong_command_lines_exit_with_2_and_write_nothing() {
         "run chain.ron --step -0.1",
         "run chain.ron --step nan",
         "run chain.ron --step 0.1 --tolerance 0.1",
-        "run chain.ron --tolerance 0.1",
+        "run chain.ron --tolerance 0",
+        "run chain.ron --method tr-bdf2 --tangent exact",
         "run chain.ron --duration -1",
         "run chain.ron --duration inf",
         "run chain.ron --frames 0",

@@ -19,14 +19,20 @@ fn free_tangle(seed: u64) -> Scene {
     scene
 }
 
-/// Every method and tangent, with steps that suit it.
+/// Every method that takes dashpots, and every tangent, with steps that suit it.
 fn variants() -> Vec<(Method, Option<Tangent>, f64)> {
-    let implicit = Tangent::ALL
+    let tangents = Tangent::ALL
         .iter()
         .map(|&tangent| (Method::LinearlyImplicitEuler, Some(tangent), 0.01));
-    implicit
-        .chain([(Method::VelocityVerlet, None, 1e-3)])
-        .collect()
+    let others = [
+        (Method::ImplicitEuler, None, 0.01),
+        (Method::TrBdf2, None, 0.01),
+        (Method::ImplicitMidpoint, None, 0.01),
+        (Method::FilteredLeapfrog, None, 0.005),
+        (Method::VelocityVerlet, None, 1e-3),
+        (Method::Dop853, None, 1e-3),
+    ];
+    tangents.chain(others).collect()
 }
 
 fn momentum(scene: &Scene, nodes: &NodeStates) -> Vector3<f64> {
@@ -131,6 +137,8 @@ fn moving_anchors_are_standing_anchors_in_a_moving_frame() {
             node.velocity += w;
         }
         let steps = 100;
+        // Velocities feel rounding of positions through the fastest vibration.
+        let fastest = compile(&standing).unwrap().frequency_bound();
         let (standing, mut moving) = (after(&standing, steps), after(&moving, steps));
         for (x, v) in moving.positions.iter_mut().zip(&mut moving.velocities) {
             *x -= w * (steps as f64 * h);
@@ -138,7 +146,17 @@ fn moving_anchors_are_standing_anchors_in_a_moving_frame() {
         }
         let x = distance(&standing.positions, &moving.positions);
         let v = distance(&standing.velocities, &moving.velocities);
-        assert!(x < 1e-12 && v < 1e-11, "{method} {tangent:?}: {x:e} {v:e}");
+        // Stages of converged methods are solved to 1e-13 of the velocities, a
+        // hundred times, and the motion lets differences grow.
+        let solved = matches!(
+            method,
+            Method::ImplicitEuler | Method::TrBdf2 | Method::ImplicitMidpoint
+        );
+        let allowed = if solved { 1e-10 } else { 1e-12 };
+        assert!(
+            x < allowed && v < allowed * fastest,
+            "{method} {tangent:?}: {x:e} {v:e}"
+        );
     }
 }
 
@@ -147,6 +165,10 @@ fn moving_anchors_are_standing_anchors_in_a_moving_frame() {
 #[test]
 fn the_ledger_closes() {
     for (method, tangent, h) in variants() {
+        if method == Method::Dop853 {
+            // Its own loss is at rounding; the ledger's integrals are of order 2.
+            continue;
+        }
         let gain = |h: f64| {
             let mut scene = with(&tangle(12, 4), method, tangent, h);
             scene.settings.duration = 0.5;
@@ -156,10 +178,9 @@ fn the_ledger_closes() {
             assert!(ledger.dashpot_heat > 0.0 && ledger.anchor_work != 0.0);
             ledger.method_gain(&simulation.energy()).abs() / ledger.start.total().abs()
         };
-        let order = if method == Method::VelocityVerlet {
-            2.0
-        } else {
-            1.0
+        let order = match method {
+            Method::LinearlyImplicitEuler | Method::ImplicitEuler => 1.0,
+            _ => 2.0,
         };
         let (coarse, fine) = (gain(h / 64.0), gain(h / 256.0));
         let observed = (coarse / fine).log2() / 2.0;
@@ -203,4 +224,59 @@ fn repeated_runs_and_fixed_nodes_are_bit_identical() {
             assert_eq!(first.positions[node], scene.nodes[node].position);
         }
     }
+}
+
+/// The user may take hold of an anchor between steps.
+#[test]
+fn an_anchor_set_in_motion_pulls_like_one_that_always_moved() {
+    let w = Vector3::new(0.4, 0.1, -0.3);
+    for (method, tangent, h) in variants() {
+        let mut moving = with(&tangle(10, 3), method, tangent, h);
+        moving.nodes[0].velocity = w;
+        let mut standing = moving.clone();
+        standing.nodes[0].velocity = Vector3::zeros();
+        let mut stepper = Stepper::new(&standing).unwrap();
+        let mut nodes = NodeStates::of(&standing);
+        nodes.velocities[0] = w;
+        for _ in 0..20 {
+            stepper.step(&mut nodes, h).unwrap();
+        }
+        let expected = after(&moving, 20);
+        let x = distance(&nodes.positions, &expected.positions);
+        assert!(x < 1e-12, "{method} {tangent:?}: {x:e}");
+    }
+}
+
+/// Stopped and gone on, the run is the same.
+#[test]
+fn a_simulation_goes_on_after_a_stop() {
+    struct Stop(f64, Vec<f64>);
+    impl springs::step::Observer for Stop {
+        fn frame(&mut self, frame: springs::step::Frame<'_>) -> std::ops::ControlFlow<()> {
+            self.1.push(frame.time);
+            std::ops::ControlFlow::Continue(())
+        }
+        fn step(&mut self, time: f64) -> std::ops::ControlFlow<()> {
+            match time < self.0 {
+                true => std::ops::ControlFlow::Continue(()),
+                false => std::ops::ControlFlow::Break(()),
+            }
+        }
+    }
+    let scene = with(
+        &cloth(5, Material::of_cloth()),
+        Method::ImplicitEuler,
+        None,
+        0.01,
+    );
+    let mut whole = Simulation::new(&scene).unwrap();
+    whole.run(10, &mut ()).unwrap();
+    let mut parts = Simulation::new(&scene).unwrap();
+    let mut observer = Stop(0.35, Vec::new());
+    parts.run(10, &mut observer).unwrap();
+    observer.0 = f64::INFINITY;
+    parts.run(10, &mut observer).unwrap();
+    assert_eq!(parts.nodes(), whole.nodes());
+    let times: Vec<f64> = (0..=10).map(|k| k as f64 / 10.0).collect();
+    assert_eq!(observer.1, times);
 }

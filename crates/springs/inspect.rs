@@ -2,7 +2,7 @@
 
 use springs_assembly::System;
 use springs_scene::{Method, Scene, Spring};
-use springs_step::Choice;
+use springs_step::{Choice, Pace};
 use std::collections::HashMap;
 
 /// Advice about a scene, as sentences.
@@ -62,7 +62,7 @@ fn list_skipped(scene: &Scene, choice: &Choice, skipped: &mut Vec<String>) {
             count(fixed, "fixed node"),
         ));
     }
-    if choice.tangent.is_none() {
+    if !choice.has_matrix() {
         skipped.push("all matrices: the method is explicit".to_owned());
     }
     let is_fixed = |spring: &Spring| spring.nodes.iter().all(|&node| scene.nodes[node].fixed);
@@ -124,7 +124,7 @@ fn list_odd_springs(scene: &Scene, suspicious: &mut Vec<String>) {
         .collect();
     if !duplicates.is_empty() {
         suspicious.push(format!(
-            "{} join two nodes that another spring joins already; they add up",
+            "{}: another spring joins the same two nodes already; their forces add up",
             name_them("spring", &duplicates)
         ));
     }
@@ -189,7 +189,9 @@ fn list_odd_masses(scene: &Scene, suspicious: &mut Vec<String>) {
 }
 
 fn list_odd_steps(system: &System, choice: &Choice, suspicious: &mut Vec<String>) {
-    let h = choice.step_size;
+    let Pace::Fixed(h) = choice.pace else {
+        return;
+    };
     let frequency = system.frequency_bound();
     let rate = system.damping_rate_bound();
     match choice.method {
@@ -224,7 +226,7 @@ mod tests {
 
     fn suspicions(scene: &Scene) -> Vec<String> {
         let system = compile(scene).unwrap();
-        let choice = choose(&system, &scene.settings).unwrap();
+        let choice = choose(scene, &system).unwrap();
         inspect(scene, &system, &choice).suspicious
     }
 
@@ -256,7 +258,7 @@ mod tests {
             "spring 4 without stiffness",
             "spring 5: the two nodes coincide",
             "springs 4, 5: more than 50 %",
-            "spring 3 join",
+            "spring 3: another spring",
             "1 part with node 4",
             "node 4 free but without mass",
             "node 5 is",

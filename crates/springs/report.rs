@@ -3,7 +3,7 @@
 use springs_assembly::Energy;
 use springs_io::{EnergyReport, EnergySum, FailureReport, Report, SecondsReport};
 use springs_scene::Scene;
-use springs_step::{Simulation, StepError};
+use springs_step::{Pace, Simulation, StepError};
 use std::time::Duration;
 
 /// How a run ended.
@@ -50,8 +50,16 @@ pub fn report(scene: &Scene, simulation: &Simulation, ending: Ending, timings: T
         nodes: scene.nodes.len(),
         springs: scene.springs.len(),
         unknowns: 3 * simulation.stepper().system().n_free(),
-        step_size: choice.step_size,
-        shortened_last_step: simulation.plan().shortened,
+        reason: Some(choice.reason.clone()).filter(|reason| !reason.is_empty()),
+        step_size: match choice.pace {
+            Pace::Fixed(step_size) => Some(step_size),
+            Pace::Tolerance(_) => None,
+        },
+        tolerance: match choice.pace {
+            Pace::Fixed(_) => None,
+            Pace::Tolerance(tolerance) => Some(tolerance),
+        },
+        shortened_last_step: simulation.plan().and_then(|plan| plan.shortened),
         steps: counts.steps,
         rejected_steps: counts.rejected_steps,
         force_evaluations: counts.force_evaluations,
@@ -100,12 +108,11 @@ fn sum(energy: &Energy) -> EnergySum {
 }
 
 fn failure(error: StepError) -> FailureReport {
-    let (time, step, step_size) = error.when();
     FailureReport {
-        time,
-        step,
-        step_size,
-        node: error.node(),
+        time: error.time,
+        step: error.step,
+        step_size: error.step_size,
+        node: error.node,
         reason: error.to_string(),
     }
 }

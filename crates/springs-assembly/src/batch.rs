@@ -7,10 +7,10 @@ use nalgebra::Vector3;
 use springs_scene::{Scene, Spring};
 use std::ops::Range;
 
-/// The connections of one batch in four runs, each in the order of the scene:
+/// The connections of one batch in three runs, each in the order of the scene:
 /// *interior* ones join two free nodes; *anchored* ones join a free node (the
-/// first end) to a fixed one, which stands still or moves; the rest join two
-/// fixed nodes and only have energy.
+/// first end) to a fixed one; the rest join two fixed nodes and only have
+/// energy.
 #[derive(Clone, Debug)]
 pub(crate) struct Connections {
     ends: Vec<[u32; 2]>,
@@ -18,15 +18,13 @@ pub(crate) struct Connections {
     pairs: Vec<u32>,
     interior: usize,
     anchored: usize,
-    anchored_moving: usize,
 }
 
 /// Where the ends of a connection are.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Kind {
     Interior,
-    AnchoredStill,
-    AnchoredMoving,
+    Anchored,
     Fixed,
 }
 
@@ -39,13 +37,13 @@ impl Connections {
         wanted: impl Fn(&Spring) -> bool,
     ) -> (Self, Vec<usize>) {
         let kind = |spring: usize| {
-            let [a, b] = scene.springs[spring].nodes.map(|node| &scene.nodes[node]);
-            let moving = a.is_moving_anchor() || b.is_moving_anchor();
-            match (a.fixed, b.fixed) {
-                (false, false) => Kind::Interior,
-                (true, true) => Kind::Fixed,
-                _ if moving => Kind::AnchoredMoving,
-                _ => Kind::AnchoredStill,
+            let fixed = scene.springs[spring]
+                .nodes
+                .map(|node| scene.nodes[node].fixed);
+            match fixed {
+                [false, false] => Kind::Interior,
+                [true, true] => Kind::Fixed,
+                _ => Kind::Anchored,
             }
         };
         let springs = scene.springs.iter().enumerate();
@@ -65,8 +63,7 @@ impl Connections {
             ends: ends.collect(),
             pairs: Vec::new(),
             interior: upto(Kind::Interior),
-            anchored: upto(Kind::AnchoredMoving),
-            anchored_moving: upto(Kind::AnchoredStill),
+            anchored: upto(Kind::Anchored),
         };
         (connections, order)
     }
@@ -94,9 +91,9 @@ impl Connections {
         self.interior..self.anchored
     }
 
-    /// One end is free, the other is fixed and moves.
-    pub(crate) fn anchored_moving(&self) -> Range<usize> {
-        self.anchored_moving..self.anchored
+    /// At least one end is fixed.
+    pub(crate) fn fixed(&self) -> Range<usize> {
+        self.interior..self.ends.len()
     }
 
     /// At least one end is free.
@@ -140,32 +137,44 @@ impl Connections {
         }
     }
 
-    /// Adds [[B, −B], [−B, B]] as far as it stands in rows and columns of free
-    /// blocks.
+    /// Adds [[B, −B], [−B, B]] of an interior connection.
     #[inline(always)]
     pub(crate) fn add_block(&self, connection: usize, block: &[f64; 6], matrix: &mut BlockMatrix) {
         let [a, b] = self.ends[connection];
         matrix.add_diagonal(a, block);
-        if connection < self.interior {
-            matrix.add_diagonal(b, block);
-            matrix.subtract_pair(self.pairs[connection], block);
-        }
+        matrix.add_diagonal(b, block);
+        matrix.subtract_pair(self.pairs[connection], block);
     }
 
-    /// [`Self::add_block`], and what a moving anchor brings to the right-hand
-    /// side: −(−B)·v of the anchor.
+    /// [`Self::add_block`] of an anchored connection, and what the velocity of
+    /// its anchor brings to the right-hand side: −(−B)·v.
     #[inline(always)]
-    pub(crate) fn add_block_and_load(
+    pub(crate) fn add_anchored_block(
         &self,
         connection: usize,
         block: &[f64; 6],
         v: &[Vector3<f64>],
         out: &mut Linearization,
     ) {
-        self.add_block(connection, block, &mut out.matrix);
-        if self.anchored_moving().contains(&connection) {
-            let [free, anchor] = self.ends[connection].map(|block| block as usize);
-            out.anchor_load[free] += times(block, &v[anchor]);
-        }
+        let [free, anchor] = self.ends[connection];
+        out.matrix.add_diagonal(free, block);
+        out.anchor_load[free as usize] += times(block, &v[anchor as usize]);
+    }
+
+    /// Power, in W, that fixed nodes have to give to move against `force`, the
+    /// force on the first end of a connection.
+    pub(crate) fn anchor_power(
+        &self,
+        v: &[Vector3<f64>],
+        n_free: usize,
+        force: impl Fn(usize) -> Vector3<f64>,
+    ) -> f64 {
+        let power = |connection| {
+            let force: Vector3<f64> = force(connection);
+            let [a, b] = self.ends[connection].map(|block| block as usize);
+            let first = if a < n_free { 0.0 } else { -force.dot(&v[a]) };
+            first + force.dot(&v[b])
+        };
+        self.fixed().map(power).sum()
     }
 }

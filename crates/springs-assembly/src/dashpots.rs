@@ -1,8 +1,9 @@
 //! Dashpots along springs as force emitters.
 
 use crate::batch::Connections;
-use crate::{BlockMatrix, ForceEmitter, Linearization, Numbering, PACKED, Weights};
-use nalgebra::Vector3;
+use crate::{Evaluation, ForceEmitter, Linearization, Numbering, PACKED};
+use nalgebra::{Matrix3, Vector3};
+use springs_math::Separation;
 use springs_math::dashpot::{self, Dashpot};
 use springs_scene::Scene;
 
@@ -58,24 +59,19 @@ impl Dashpots {
         dashpot::force(self.dashpot(index), [&x[a], &x[b]], [&v[a], &v[b]])
     }
 
-    fn block(&self, index: usize, x: &[Vector3<f64>], weight: f64) -> [f64; 6] {
+    fn block(&self, index: usize, at: &Evaluation<'_>) -> [f64; 6] {
         let [a, b] = self.ends(index);
-        let block = dashpot::damping_block(self.dashpot(index), &x[a], &x[b]) * weight;
-        PACKED.map(|entry| block[entry])
-    }
-
-    /// Adds `weight`·D, and what moving anchors bring to the right-hand side.
-    pub(crate) fn linearize(
-        &self,
-        x: &[Vector3<f64>],
-        v: &[Vector3<f64>],
-        weight: f64,
-        out: &mut Linearization,
-    ) {
-        for index in self.connections.live() {
-            let block = self.block(index, x, weight);
-            self.connections.add_block_and_load(index, &block, v, out);
+        let separation = Separation::between(&at.x[a], &at.x[b]);
+        let damping = self.damping[index];
+        let along = separation.along() * (damping * at.weights.damping);
+        let rate = separation.direction.dot(&(at.v[b] - at.v[a]));
+        if !at.dashpot_tension || rate <= 0.0 || separation.length == 0.0 {
+            return PACKED.map(|entry| along[entry]);
         }
+        let across = Matrix3::identity() - separation.along();
+        let stiffness = damping * rate / separation.length;
+        let block = along + across * (stiffness * at.weights.stiffness);
+        PACKED.map(|entry| block[entry])
     }
 
     /// Adds the damping of each dashpot, in N·s/m, to its free blocks.
@@ -90,16 +86,8 @@ impl Dashpots {
         v: &[Vector3<f64>],
         n_free: usize,
     ) -> f64 {
-        let mut power = 0.0;
-        for index in self.connections.anchored_moving().start..self.len() {
-            let force = self.force(index, x, v);
-            let [a, b] = self.ends(index);
-            power += force.dot(&v[b]);
-            if a >= n_free {
-                power -= force.dot(&v[a]);
-            }
-        }
-        power
+        self.connections
+            .anchor_power(v, n_free, |index| self.force(index, x, v))
     }
 }
 
@@ -115,10 +103,15 @@ impl ForceEmitter for Dashpots {
         }
     }
 
-    fn add_matrix(&self, x: &[Vector3<f64>], weights: Weights, matrix: &mut BlockMatrix) {
-        for index in self.connections.live() {
-            let block = self.block(index, x, weights.damping);
-            self.connections.add_block(index, &block, matrix);
+    fn linearize(&self, at: &Evaluation<'_>, out: &mut Linearization) {
+        for index in self.connections.interior() {
+            let block = self.block(index, at);
+            self.connections.add_block(index, &block, &mut out.matrix);
+        }
+        for index in self.connections.anchored() {
+            let block = self.block(index, at);
+            self.connections
+                .add_anchored_block(index, &block, at.v, out);
         }
     }
 }

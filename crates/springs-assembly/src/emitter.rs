@@ -1,12 +1,11 @@
 //! Force emitters: what gives energy, force and force gradient.
 
-use crate::BlockMatrix;
+use crate::Linearization;
 use nalgebra::Vector3;
 
-/// A batch of terms of one kind.
+/// A batch of terms of one kind. Everything is added to what is there.
 ///
-/// `x` and `v` hold all blocks, in m and m/s; `forces` and `matrix` the free
-/// ones. Everything is added to what is there.
+/// `x` and `v` hold all blocks, in m and m/s.
 pub trait ForceEmitter {
     /// Potential energy, in J.
     fn energy(&self, x: &[Vector3<f64>]) -> f64;
@@ -14,10 +13,32 @@ pub trait ForceEmitter {
     /// Adds the forces on the free blocks, in N.
     fn add_forces(&self, x: &[Vector3<f64>], v: &[Vector3<f64>], forces: &mut [Vector3<f64>]);
 
-    /// Adds `weights.stiffness`·H + `weights.damping`·D of the free blocks.
+    /// Adds forces that do not depend on velocities, `damping`·D and
+    /// `stiffness`·H, and what anchors bring, in one pass.
     ///
     /// H = ∂²V/∂x² in N/m; D = −∂f/∂v in N·s/m.
-    fn add_matrix(&self, x: &[Vector3<f64>], weights: Weights, matrix: &mut BlockMatrix);
+    fn linearize(&self, at: &Evaluation<'_>, out: &mut Linearization);
+}
+
+/// Where and how a system is linearized.
+#[derive(Clone, Copy, Debug)]
+pub struct Evaluation<'a> {
+    /// Positions of all blocks, in m.
+    pub x: &'a [Vector3<f64>],
+    /// Velocities of all blocks, in m/s. Those of fixed blocks give the anchor
+    /// load; those of free ones enter only with `dashpot_tension`.
+    pub v: &'a [Vector3<f64>],
+    /// What becomes of the across stiffness.
+    pub projection: Projection,
+    /// Tensions of the springs of [`crate::System::springs`], in N, that the
+    /// across stiffness T/l is taken from; `None`: their own K(l − l₀).
+    pub tensions: Option<&'a [f64]>,
+    /// Whether H has the across stiffness c(w·u)/l of dashpots that are being
+    /// stretched, the symmetric part of what their forces change by when they
+    /// turn (see `springs_math::dashpot::position_block`).
+    pub dashpot_tension: bool,
+    /// What the matrix is made of.
+    pub weights: Weights,
 }
 
 /// Coefficients of a system matrix `mass`·M + `damping`·D + `stiffness`·H.

@@ -1,6 +1,6 @@
 //! Gravity as a force emitter.
 
-use crate::{BlockMatrix, ForceEmitter, Weights};
+use crate::{Evaluation, ForceEmitter, Linearization};
 use nalgebra::Vector3;
 use springs_math::gravity;
 
@@ -36,6 +36,8 @@ impl ForceEmitter for Gravity {
         }
     }
 
-    /// Adds nothing: the force does not depend on positions or velocities.
-    fn add_matrix(&self, _x: &[Vector3<f64>], _weights: Weights, _matrix: &mut BlockMatrix) {}
+    /// Adds the force alone: it does not depend on positions or velocities.
+    fn linearize(&self, at: &Evaluation<'_>, out: &mut Linearization) {
+        self.add_forces(at.x, at.v, &mut out.forces);
+    }
 }

@@ -15,15 +15,22 @@
 //! f = −∂V/∂x and H = +∂²V/∂x².
 //!
 //! ```
-//! use springs_assembly::{Projection, Weights, compile};
+//! use springs_assembly::{Evaluation, Projection, Weights, compile};
 //! use springs_scene::generate::{Material, chain};
 //!
 //! let system = compile(&chain(3, Material::of_chain(3)))?;
 //! assert_eq!(system.n_free(), 3);
 //!
 //! let mut linearization = system.linearization();
-//! let (x, v) = (system.initial_positions(), system.initial_velocities());
-//! system.linearize(x, v, Projection::None, None, Weights::STIFFNESS, &mut linearization);
+//! let at = Evaluation {
+//!     x: system.initial_positions(),
+//!     v: system.initial_velocities(),
+//!     projection: Projection::None,
+//!     tensions: None,
+//!     dashpot_tension: false,
+//!     weights: Weights::STIFFNESS,
+//! };
+//! system.linearize(&at, &mut linearization);
 //! let stiffness: Vec<(usize, usize, f64)> = linearization.matrix.triplets().collect();
 //! assert!(stiffness.contains(&(0, 0, 6e4)));
 //! # Ok::<(), springs_assembly::CompileError>(())
@@ -44,7 +51,7 @@ pub use compile::{CompileError, compile};
 pub use dashpots::Dashpots;
 pub use dofs::Numbering;
 pub use elements::{Element, PointMasses, SpringMasses};
-pub use emitter::{ForceEmitter, Projection, Weights};
+pub use emitter::{Evaluation, ForceEmitter, Projection, Weights};
 pub use gravity::Gravity;
 pub use matrix::{BlockMatrix, BlockPattern, PACKED};
 pub use springs::Springs;

@@ -1,7 +1,7 @@
 //! Springs as force emitters.
 
 use crate::batch::Connections;
-use crate::{BlockMatrix, ForceEmitter, Linearization, Numbering, PACKED, Projection, Weights};
+use crate::{Evaluation, ForceEmitter, Linearization, Numbering, PACKED, Projection};
 use nalgebra::Vector3;
 use springs_math::lanes::{LANES, Lane, Separations, tension};
 use springs_math::{Separation, spring};
@@ -133,48 +133,25 @@ impl Springs {
         std::array::from_fn(|k| std::array::from_fn(|entry| entries[entry][k]))
     }
 
-    /// Adds the forces, and `weight` times the Hessian with the given treatment
-    /// of the across stiffness, in one pass over the springs.
-    ///
-    /// `tensions`: one per spring of the batch, in N, instead of K(l − l₀).
-    pub(crate) fn linearize(
-        &self,
-        x: &[Vector3<f64>],
-        v: &[Vector3<f64>],
-        projection: Projection,
-        tensions: Option<&[f64]>,
-        weight: f64,
-        out: &mut Linearization,
-    ) {
-        match projection {
-            Projection::None => self.linearize_with(|s| s, x, v, tensions, weight, out),
-            Projection::Clamp => self.linearize_with(|s| s.max(0.0), x, v, tensions, weight, out),
-            Projection::Absolute => self.linearize_with(f64::abs, x, v, tensions, weight, out),
-            Projection::Drop => self.linearize_with(|_| 0.0, x, v, tensions, weight, out),
-        }
-    }
-
     fn linearize_with(
         &self,
         project: impl Fn(f64) -> f64 + Copy,
-        x: &[Vector3<f64>],
-        v: &[Vector3<f64>],
-        tensions: Option<&[f64]>,
-        weight: f64,
+        at: &Evaluation<'_>,
         out: &mut Linearization,
     ) {
-        self.for_each_group(self.connections.interior(), x, |group| {
+        let weight = at.weights.stiffness;
+        self.for_each_group(self.connections.interior(), at.x, |group| {
             self.add_group_forces(group, &mut out.forces);
-            let blocks = self.blocks(group, tensions, weight, project);
+            let blocks = self.blocks(group, at.tensions, weight, project);
             for (index, block) in (group.start..).zip(&blocks).take(group.count) {
                 self.connections.add_block(index, block, &mut out.matrix);
             }
         });
-        self.for_each_group(self.connections.anchored(), x, |group| {
+        self.for_each_group(self.connections.anchored(), at.x, |group| {
             self.add_group_forces(group, &mut out.forces);
-            let blocks = self.blocks(group, tensions, weight, project);
+            let blocks = self.blocks(group, at.tensions, weight, project);
             for (index, block) in (group.start..).zip(&blocks).take(group.count) {
-                self.connections.add_block_and_load(index, block, v, out);
+                self.connections.add_anchored_block(index, block, at.v, out);
             }
         });
     }
@@ -241,17 +218,10 @@ impl Springs {
         v: &[Vector3<f64>],
         n_free: usize,
     ) -> f64 {
-        let mut power = 0.0;
-        for index in self.connections.anchored_moving().start..self.len() {
+        self.connections.anchor_power(v, n_free, |index| {
             let dx = self.connections.difference(index, x);
-            let force = spring::force(self.material(index), &Vector3::zeros(), &dx);
-            let [a, b] = self.connections.ends()[index].map(|block| block as usize);
-            power += force.dot(&v[b]);
-            if a >= n_free {
-                power -= force.dot(&v[a]);
-            }
-        }
-        power
+            spring::force(self.material(index), &Vector3::zeros(), &dx)
+        })
     }
 }
 
@@ -273,12 +243,12 @@ impl ForceEmitter for Springs {
         });
     }
 
-    fn add_matrix(&self, x: &[Vector3<f64>], weights: Weights, matrix: &mut BlockMatrix) {
-        self.for_each_group(self.connections.live(), x, |group| {
-            let blocks = self.blocks(group, None, weights.stiffness, |across| across);
-            for (index, block) in (group.start..).zip(&blocks).take(group.count) {
-                self.connections.add_block(index, block, matrix);
-            }
-        });
+    fn linearize(&self, at: &Evaluation<'_>, out: &mut Linearization) {
+        match at.projection {
+            Projection::None => self.linearize_with(|across| across, at, out),
+            Projection::Clamp => self.linearize_with(|across| across.max(0.0), at, out),
+            Projection::Absolute => self.linearize_with(f64::abs, at, out),
+            Projection::Drop => self.linearize_with(|_| 0.0, at, out),
+        }
     }
 }

@@ -1,8 +1,7 @@
 //! The compiled scene: global forces and matrices for any state.
 
 use crate::{
-    BlockMatrix, BlockPattern, Dashpots, ForceEmitter, Gravity, Numbering, Projection, Springs,
-    Weights,
+    BlockMatrix, BlockPattern, Dashpots, Evaluation, ForceEmitter, Gravity, Numbering, Springs,
 };
 use nalgebra::Vector3;
 use springs_scene::Scene;
@@ -22,7 +21,6 @@ pub struct System {
     pattern: Arc<BlockPattern>,
     initial_positions: Vec<Vector3<f64>>,
     initial_velocities: Vec<Vector3<f64>>,
-    has_moving_anchors: bool,
 }
 
 /// Forces and system matrix at one state, filled by [`System::linearize`].
@@ -75,7 +73,6 @@ impl System {
         Self {
             initial_positions: ordered(|node| node.position),
             initial_velocities: ordered(|node| node.velocity),
-            has_moving_anchors: scene.nodes.iter().any(|node| node.is_moving_anchor()),
             numbering,
             masses,
             springs,
@@ -125,11 +122,6 @@ impl System {
         &self.initial_velocities
     }
 
-    /// Whether a fixed node has a velocity.
-    pub fn has_moving_anchors(&self) -> bool {
-        self.has_moving_anchors
-    }
-
     fn emitters(&self) -> [&dyn ForceEmitter; 3] {
         [&self.springs, &self.dashpots, &self.gravity]
     }
@@ -157,31 +149,18 @@ impl System {
         }
     }
 
-    /// Forces and system matrix at the positions `x`, without allocating.
-    ///
-    /// `tensions`: one per spring of [`Self::springs`], in N, to take the across
-    /// stiffness T/l from; `None`: their own K(l − l₀). Of `v` only the
-    /// velocities of moving anchors enter.
+    /// Forces and system matrix, without allocating.
     ///
     /// # Panics
     ///
     /// If `out` belongs to another system, or a slice is too short.
-    pub fn linearize(
-        &self,
-        x: &[Vector3<f64>],
-        v: &[Vector3<f64>],
-        projection: Projection,
-        tensions: Option<&[f64]>,
-        weights: Weights,
-        out: &mut Linearization,
-    ) {
+    pub fn linearize(&self, at: &Evaluation<'_>, out: &mut Linearization) {
         out.forces.fill(Vector3::zeros());
         out.anchor_load.fill(Vector3::zeros());
-        out.matrix.set_mass(weights.mass, &self.masses);
-        self.springs
-            .linearize(x, v, projection, tensions, weights.stiffness, out);
-        self.gravity.add_forces(x, v, &mut out.forces);
-        self.dashpots.linearize(x, v, weights.damping, out);
+        out.matrix.set_mass(at.weights.mass, &self.masses);
+        for emitter in self.emitters() {
+            emitter.linearize(at, out);
+        }
     }
 
     /// Mechanical energy, in J.
@@ -199,6 +178,9 @@ impl System {
     /// Power, in W, that moving anchors give to the system.
     pub fn anchor_power(&self, x: &[Vector3<f64>], v: &[Vector3<f64>]) -> f64 {
         let n_free = self.n_free();
+        if v[n_free..].iter().all(|v| *v == Vector3::zeros()) {
+            return 0.0;
+        }
         self.springs.anchor_power(x, v, n_free) + self.dashpots.anchor_power(x, v, n_free)
     }
 

@@ -63,7 +63,7 @@ impl Finding {
         message: String,
         advice: Option<&str>,
     ) -> Self {
-        let Place { line, column } = locate(text, path);
+        let Place { line, column } = locate(without_mark(text), path);
         Self {
             line,
             column,
@@ -125,7 +125,7 @@ pub fn read_text<R: Read>(file: &str, opened: io::Result<R>) -> Result<String, S
 /// If the text is not a sound scene: the first fault of its syntax, or
 /// everything that is wrong with the scene it describes.
 pub fn parse_scene(file: &str, text: &str) -> Result<Scene, SceneError> {
-    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+    let text = without_mark(text);
     let options = ron::Options::default().with_default_extension(Extensions::IMPLICIT_SOME);
     let wrong = |findings| SceneError::Wrong {
         file: file.to_owned(),
@@ -152,6 +152,11 @@ pub fn parse_scene(file: &str, text: &str) -> Result<Scene, SceneError> {
         .iter()
         .map(|problem| Finding::at(text, problem.path(), problem.to_string(), problem.advice()));
     Err(wrong(findings.take(MOST_FINDINGS).collect()))
+}
+
+/// Some editors begin a file with a byte order mark.
+fn without_mark(text: &str) -> &str {
+    text.strip_prefix('\u{feff}').unwrap_or(text)
 }
 
 /// More than these help nobody.

@@ -25,8 +25,12 @@ pub struct Report {
     pub springs: usize,
     /// Scalar unknowns of a step.
     pub unknowns: usize,
-    /// Step size, in s.
-    pub step_size: f64,
+    /// Why this method, where the scene left it open.
+    pub reason: Option<String>,
+    /// Size of all steps, in s, if it is fixed.
+    pub step_size: Option<f64>,
+    /// Error that steps are chosen by, in m, if they are.
+    pub tolerance: Option<f64>,
     /// Size of the last step, in s, if the duration was not a whole number of
     /// steps.
     pub shortened_last_step: Option<f64>,

@@ -130,6 +130,8 @@ mod tests {
     use crate::spring::{self, Spring};
     use nalgebra::{Matrix3, Vector3};
 
+    type Tangent = fn(f64) -> f64;
+
     /// Differences that touch every branch: ordinary, coincident, tiny, huge.
     fn differences() -> [Vector3<f64>; LANES] {
         [
@@ -155,21 +157,32 @@ mod tests {
         let rest_length = [1.0, 0.0, 0.5, 0.0, 1.0, 0.9, 0.0, 13.0];
         let separations = Separations::of(&lanes);
         let tensions = tension(&stiffness, &rest_length, &separations.length);
-        let across = separations.across_stiffness(&stiffness, &tensions, |across| across);
         for k in 0..LANES {
             let one = Spring {
                 stiffness: stiffness[k],
                 rest_length: rest_length[k],
             };
-            let block = Matrix3::from_fn(|row, column| {
-                separations.block_entry(row, column, &stiffness, &across)[k]
-            });
-            let expected = spring::hessian_block(one, &Vector3::zeros(), &dx[k]);
-            let error = (block - expected).amax() / expected.amax();
-            assert!(error < 1e-15, "spring {k}: Hessian off by {error:e}");
+            let x0 = Vector3::zeros();
             let force = Vector3::from_fn(|row, _| separations.direction[row][k] * tensions[k]);
-            let expected = spring::force(one, &Vector3::zeros(), &dx[k]);
+            let expected = spring::force(one, &x0, &dx[k]);
             assert!((force - expected).amax() <= 1e-15 * expected.amax());
+            let tangents: [(Tangent, Matrix3<f64>); 4] = [
+                (|across| across, spring::hessian_block(one, &x0, &dx[k])),
+                (
+                    |across| across.max(0.0),
+                    spring::hessian_block_clamped(one, &x0, &dx[k]),
+                ),
+                (f64::abs, spring::hessian_block_absolute(one, &x0, &dx[k])),
+                (|_| 0.0, spring::hessian_block_material(one, &x0, &dx[k])),
+            ];
+            for (tangent, expected) in tangents {
+                let across = separations.across_stiffness(&stiffness, &tensions, tangent);
+                let block = Matrix3::from_fn(|row, column| {
+                    separations.block_entry(row, column, &stiffness, &across)[k]
+                });
+                let error = (block - expected).amax() / expected.amax();
+                assert!(error < 1e-15, "spring {k}: Hessian off by {error:e}");
+            }
         }
     }
 

@@ -110,8 +110,22 @@ named! {
         Auto = "auto",
         /// The step of the note: one linearization, one solve; order 1.
         LinearlyImplicitEuler = "linearly-implicit-euler",
+        /// Implicit Euler, solved; order 1.
+        ImplicitEuler = "implicit-euler",
+        /// A trapezoidal and a backward difference stage; order 2, L-stable.
+        TrBdf2 = "tr-bdf2",
+        /// Implicit midpoint, solved; order 2, symplectic.
+        ImplicitMidpoint = "implicit-midpoint",
         /// Explicit kick–drift–kick; order 2.
         VelocityVerlet = "velocity-verlet",
+        /// Explicit composition of kicks and drifts; order 4.
+        BlanesMoan4 = "blanes-moan4",
+        /// Explicit composition of kicks and drifts; order 6.
+        BlanesMoan6 = "blanes-moan6",
+        /// Explicit Runge–Kutta; order 8.
+        Dop853 = "dop853",
+        /// Kick–drift–kick with kicks through a stiffness matrix; order 2.
+        FilteredLeapfrog = "filtered-leapfrog",
     }
 }
 

@@ -1,7 +1,7 @@
 //! Cholesky factorization on a pattern analyzed once.
 
 use crate::SolveError;
-use crate::graph::{UpperGraph, inverse};
+use crate::graph::UpperGraph;
 use dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::linalg::cholesky::llt::factor::LltError;
 use faer::sparse::linalg::SymbolicSupernodalParams;
@@ -64,10 +64,7 @@ impl SparseCholesky {
     /// or if the factor cannot be stored.
     pub fn analyze(n_blocks: usize, pairs: &[[u32; 2]]) -> Result<Self, SolveError> {
         let too_large = SolveError::TooLarge { n_blocks };
-        let natural: Vec<usize> = (0..n_blocks).collect();
-        let order = UpperGraph::new(&natural, pairs)?.minimum_degree()?;
-        let graph = UpperGraph::new(&inverse(&order), pairs)?;
-
+        let (order, graph) = UpperGraph::ordered(n_blocks, pairs)?;
         let upper = BlockTriangle::upper(&graph, &order).expand(|row, column| row <= column);
         let n = 3 * n_blocks;
         let pattern =
@@ -122,6 +119,19 @@ impl SparseCholesky {
             permuted: vec![0.0; n],
             memory: MemBuffer::try_new(scratch).map_err(|_| too_large)?,
         })
+    }
+
+    /// Multiplications and additions that a factorization of such a pattern
+    /// takes, counted on the graph of blocks.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::analyze`].
+    pub fn count_flops(n_blocks: usize, pairs: &[[u32; 2]]) -> Result<f64, SolveError> {
+        let (_, graph) = UpperGraph::ordered(n_blocks, pairs)?;
+        let blocks = graph.column_counts()?;
+        let scalars = blocks.into_iter().map(|count| 3.0 * count as f64);
+        Ok(scalars.map(|count| 3.0 * count * count).sum())
     }
 
     /// Number of block rows.
@@ -485,6 +495,13 @@ mod tests {
             }
             assert!(cholesky.factorize(&diagonal, &off_diagonal).is_ok());
         }
+    }
+
+    #[test]
+    fn flops_are_counted() {
+        // A chain: each of the columns but the last has two blocks.
+        let flops = SparseCholesky::count_flops(10, &chain(10)).unwrap();
+        assert_eq!(flops, 9.0 * 3.0 * 36.0 + 3.0 * 9.0);
     }
 
     #[test]

@@ -7,6 +7,7 @@ use crate::SolveError;
 use dyn_stack::{MemBuffer, MemStack};
 use faer::sparse::SymbolicSparseColMatRef;
 use faer::sparse::linalg::amd;
+use faer::sparse::linalg::cholesky::simplicial;
 
 /// A symmetric pattern of blocks as the strictly upper triangle, column by
 /// column, rows ascending.
@@ -52,6 +53,32 @@ impl UpperGraph {
         })
     }
 
+    /// A minimum-degree order and the graph in that order.
+    pub(crate) fn ordered(
+        n_blocks: usize,
+        pairs: &[[u32; 2]],
+    ) -> Result<(Vec<usize>, Self), SolveError> {
+        let natural: Vec<usize> = (0..n_blocks).collect();
+        let order = Self::new(&natural, pairs)?.minimum_degree()?;
+        let graph = Self::new(&inverse(&order), pairs)?;
+        Ok((order, graph))
+    }
+
+    /// Blocks in each column of the factor, the diagonal included.
+    pub(crate) fn column_counts(&self) -> Result<Vec<usize>, SolveError> {
+        let n = self.n_blocks();
+        let (mut tree, mut counts) = (vec![0isize; n], vec![0usize; n]);
+        let scratch =
+            simplicial::prefactorize_symbolic_cholesky_scratch::<usize>(n, self.rows.len());
+        let mut memory =
+            MemBuffer::try_new(scratch).map_err(|_| SolveError::TooLarge { n_blocks: n })?;
+        let graph =
+            SymbolicSparseColMatRef::new_checked(n, n, &self.column_starts, None, &self.rows);
+        let stack = MemStack::new(&mut memory);
+        simplicial::prefactorize_symbolic_cholesky(&mut tree, &mut counts, graph, stack);
+        Ok(counts)
+    }
+
     pub(crate) fn n_blocks(&self) -> usize {
         self.column_starts.len() - 1
     }
@@ -86,7 +113,7 @@ impl UpperGraph {
 }
 
 /// Inverse of a permutation.
-pub(crate) fn inverse(order: &[usize]) -> Vec<usize> {
+fn inverse(order: &[usize]) -> Vec<usize> {
     let mut position = vec![0; order.len()];
     for (k, &block) in order.iter().enumerate() {
         position[block] = k;

@@ -22,9 +22,21 @@ pub enum SetupError {
         /// The method.
         method: Method,
     },
-    /// A tolerance was asked for.
-    #[error("no method of this version chooses its steps from a tolerance")]
-    NoErrorControl,
+    /// A tangent was given to a method that has no choice of it.
+    #[error("{method} has no choice of tangent")]
+    NoTangent {
+        /// The method.
+        method: Method,
+    },
+    /// A composition of kicks and drifts is exact only for forces that do not
+    /// depend on velocities.
+    #[error("{method} cannot treat dashpots, and spring {spring} has one")]
+    VelocityDependent {
+        /// The first spring with a dashpot.
+        spring: usize,
+        /// The method.
+        method: Method,
+    },
 }
 
 impl SetupError {
@@ -33,7 +45,8 @@ impl SetupError {
         match self {
             Self::Scene(CompileError::Problems(problems)) => Some(problems[0].path()),
             Self::Massless { node, .. } => Some(Path::Node(*node, None)),
-            Self::NoErrorControl => Some(Path::Simulation("tolerance")),
+            Self::NoTangent { .. } => Some(Path::Simulation("tangent")),
+            Self::VelocityDependent { spring, .. } => Some(Path::Spring(*spring, Some("damping"))),
             _ => None,
         }
     }
@@ -42,9 +55,11 @@ impl SetupError {
     pub fn advice(&self) -> Option<&'static str> {
         match self {
             Self::Massless { .. } => {
-                Some("give it a mass, or use the method linearly-implicit-euler")
+                Some("give it a mass, or use an implicit method such as tr-bdf2")
             }
-            Self::NoErrorControl => Some("give a step in seconds instead of the tolerance"),
+            Self::VelocityDependent { .. } => {
+                Some("use dop853 or tr-bdf2, or leave out the damping")
+            }
             Self::Scene(CompileError::Problems(problems)) => problems[0].advice(),
             _ => None,
         }
@@ -60,80 +75,87 @@ pub enum MethodError {
         /// The block.
         block: usize,
     },
+    /// Newton's method did not converge.
+    NotConverged {
+        /// The free block with the largest correction left.
+        block: usize,
+    },
 }
 
-/// Why a step failed.
+impl MethodError {
+    /// Of a failed numeric factorization.
+    pub(crate) fn of(error: SolveError) -> Self {
+        match error {
+            SolveError::NotPositiveDefinite { block } => Self::NotPositiveDefinite { block },
+            other => unreachable!("a numeric factorization does not report: {other}"),
+        }
+    }
+
+    /// The free block it happened at.
+    pub(crate) fn block(self) -> usize {
+        match self {
+            Self::NotPositiveDefinite { block } | Self::NotConverged { block } => block,
+        }
+    }
+}
+
+/// A step could not be made.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("{cause} at node {node} in step {step} of {step_size} s at time {time} s")]
+pub struct StepError {
+    /// What went wrong.
+    pub cause: Cause,
+    /// The node where it did.
+    pub node: usize,
+    /// The step, counted from 1.
+    pub step: u64,
+    /// Time at the start of the step, in s.
+    pub time: f64,
+    /// Its size, in s.
+    pub step_size: f64,
+}
+
+/// What went wrong in a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
-pub enum StepError {
-    /// The system matrix is not positive definite.
-    #[error(
-        "the system matrix is not positive definite at node {node} \
-         in step {step} of {step_size} s at time {time} s"
-    )]
-    NotPositiveDefinite {
-        /// The node of the first bad pivot.
-        node: usize,
-        /// The step, counted from 1.
-        step: u64,
-        /// Time at the start of the step, in s.
-        time: f64,
-        /// Its size, in s.
-        step_size: f64,
-    },
+pub enum Cause {
+    /// The system matrix has a zero or negative pivot.
+    #[error("the system matrix is not positive definite")]
+    NotPositiveDefinite,
     /// A position or velocity is infinite or not a number.
-    #[error(
-        "the position or velocity of node {node} stopped being a finite number \
-         in step {step} of {step_size} s at time {time} s"
-    )]
-    NotFinite {
-        /// The first such node.
-        node: usize,
-        /// The step, counted from 1.
-        step: u64,
-        /// Time at the start of the step, in s.
-        time: f64,
-        /// Its size, in s.
-        step_size: f64,
-    },
+    #[error("the position or velocity stopped being a finite number")]
+    NotFinite,
+    /// Newton's method failed.
+    #[error("the implicit equations were not solved")]
+    NotConverged,
+    /// The tolerance asks for steps too small to advance the time.
+    #[error("the tolerance cannot be kept: steps shrank to nothing")]
+    StepTooSmall,
+}
+
+impl From<MethodError> for Cause {
+    fn from(error: MethodError) -> Self {
+        match error {
+            MethodError::NotPositiveDefinite { .. } => Self::NotPositiveDefinite,
+            MethodError::NotConverged { .. } => Self::NotConverged,
+        }
+    }
 }
 
 impl StepError {
-    /// The node it happened at.
-    pub fn node(&self) -> usize {
-        match *self {
-            Self::NotPositiveDefinite { node, .. } | Self::NotFinite { node, .. } => node,
-        }
-    }
-
-    /// Time at the start of the step in s, the step counted from 1, and its
-    /// size in s.
-    pub fn when(&self) -> (f64, u64, f64) {
-        match *self {
-            Self::NotPositiveDefinite {
-                time,
-                step,
-                step_size,
-                ..
-            }
-            | Self::NotFinite {
-                time,
-                step,
-                step_size,
-                ..
-            } => (time, step, step_size),
-        }
-    }
-
     /// What to do about it.
     pub fn advice(&self) -> &'static str {
-        match self {
-            Self::NotPositiveDefinite { .. } => {
-                "give the node mass or a stretched spring, or use the tangent absolute"
+        match self.cause {
+            Cause::NotPositiveDefinite => {
+                "give the node a mass, or hold it by springs in all directions"
             }
-            Self::NotFinite { .. } => {
-                "use a smaller step or the method linearly-implicit-euler, \
+            Cause::NotFinite => {
+                "use a smaller step or an implicit method such as tr-bdf2, \
                  and look at masses and stiffnesses around the node"
+            }
+            Cause::NotConverged => "use a smaller step, or a tolerance instead of a step",
+            Cause::StepTooSmall => {
+                "use a larger tolerance, and look at masses and stiffnesses around the node"
             }
         }
     }

@@ -1,7 +1,57 @@
 //! States between two steps.
 
-use crate::NodeStates;
+use crate::{Anchors, Interval, Method, MethodError, NodeStates, State, Work};
 use nalgebra::Vector3;
+use springs_assembly::System;
+
+/// States between the steps of a method, to the method's order.
+pub(crate) enum Between {
+    /// By a polynomial through the ends of the step.
+    Polynomial {
+        /// Order of the method.
+        order: u32,
+    },
+    /// By a step of the method to where the state is wanted, with an instance
+    /// of its own so that the steps themselves are not disturbed.
+    Substep {
+        /// That instance.
+        method: Box<dyn Method>,
+        /// Its global vectors.
+        state: State,
+    },
+}
+
+impl Between {
+    /// State at `time` of a step from `before` to `after` over `interval`.
+    pub(crate) fn evaluate(
+        &mut self,
+        (system, anchors): (&System, &Anchors),
+        [before, after]: [&NodeStates; 2],
+        interval: Interval,
+        time: f64,
+        out: &mut NodeStates,
+    ) -> Result<(), MethodError> {
+        match self {
+            Self::Polynomial { order } => {
+                let fraction = (time - interval.start) / (interval.end - interval.start);
+                interpolate(*order, before, after, interval.size, fraction, out);
+                Ok(())
+            }
+            Self::Substep { method, state } => {
+                state.gather(system, before);
+                method.restart();
+                let part = Interval {
+                    start: interval.start,
+                    end: time,
+                    size: time - interval.start,
+                };
+                method.step(system, anchors, part, state, &mut Work::default())?;
+                state.scatter(system, out);
+                Ok(())
+            }
+        }
+    }
+}
 
 /// The state at `start + fraction·h` of a step of size `h` in s from `before` to
 /// `after`, to the given order of the method: linear for order 1, cubic Hermite

@@ -23,14 +23,11 @@ struct Powers {
 }
 
 impl Powers {
-    /// Scenes without dashpots or moving anchors cost nothing here.
+    /// Scenes without dashpots or moving anchors cost next to nothing here.
     fn at(system: &System, state: &State) -> Self {
         Self {
             dashpots: system.dashpots().dissipation(&state.x, &state.v),
-            anchors: match system.has_moving_anchors() {
-                true => system.anchor_power(&state.x, &state.v),
-                false => 0.0,
-            },
+            anchors: system.anchor_power(&state.x, &state.v),
         }
     }
 }

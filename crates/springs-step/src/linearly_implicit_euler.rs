@@ -1,9 +1,10 @@
 //! Linearly implicit Euler: the step of the note, Eqs. 10–14.
 
+use crate::stage::{OnDemand, analyze, factorize};
 use crate::work::timed;
-use crate::{Anchors, Interval, Method, MethodError, Quadrature, State, Work};
+use crate::{Anchors, ErrorEstimate, Interval, Method, MethodError, Quadrature, State, Work};
 use nalgebra::Vector3;
-use springs_assembly::{Linearization, Projection, System, Weights};
+use springs_assembly::{Evaluation, Linearization, Projection, System, Weights};
 use springs_scene::Tangent;
 use springs_solver::{SolveError, SparseCholesky};
 
@@ -21,11 +22,13 @@ use springs_solver::{SolveError, SparseCholesky};
 pub struct LinearlyImplicitEuler {
     tangent: Tangent,
     cholesky: SparseCholesky,
+    setup: Work,
     linearization: Linearization,
     /// The right-hand side, then the new velocities of the free blocks.
     velocities: Vec<Vector3<f64>>,
     /// Filtered tensions; only used with that tangent.
     tensions: Vec<f64>,
+    next_tensions: Vec<f64>,
     tensions_are_known: bool,
 }
 
@@ -40,68 +43,58 @@ impl LinearlyImplicitEuler {
             Tangent::Filtered => system.springs().len(),
             _ => 0,
         };
+        let mut setup = Work::default();
         Ok(Self {
             tangent,
-            cholesky: SparseCholesky::analyze(system.n_free(), system.pattern().pairs())?,
+            cholesky: analyze(system, &mut setup)?,
+            setup,
             linearization: system.linearization(),
             velocities: vec![Vector3::zeros(); system.n_free()],
             tensions: vec![0.0; n_tensions],
+            next_tensions: vec![0.0; n_tensions],
             tensions_are_known: false,
         })
     }
 
-    fn tensions(&self) -> Option<&[f64]> {
-        (self.tangent == Tangent::Filtered).then_some(&*self.tensions)
-    }
-
-    /// f, and M + hD + h²H, from the force emitters.
-    fn assemble(&mut self, system: &System, state: &State, h: f64, projection: Projection) {
-        if self.tangent == Tangent::Filtered && !self.tensions_are_known {
-            system.springs().tensions(&state.x, &mut self.tensions);
-            self.tensions_are_known = true;
-        }
-        system.linearize(
-            &state.x,
-            &state.v,
-            projection,
-            (self.tangent == Tangent::Filtered).then_some(&*self.tensions),
-            Weights::of_step(h),
-            &mut self.linearization,
-        );
-    }
-
-    fn factorize(&mut self) -> Result<(), SolveError> {
-        let matrix = &self.linearization.matrix;
-        self.cholesky
-            .factorize(matrix.diagonal(), matrix.off_diagonal())
-    }
-
-    /// Solves for the new velocities, Eq. 14.
-    fn velocity_step(
+    /// f and a factorized M + hD + h²H, from the force emitters.
+    fn assemble(
         &mut self,
         system: &System,
         state: &State,
         h: f64,
         work: &mut Work,
     ) -> Result<(), MethodError> {
-        let mut factorized = timed(&mut work.phases.factorization, || self.factorize());
-        work.counts.factorizations += 1;
-        if factorized.is_err() && matches!(self.tangent, Tangent::Exact | Tangent::Filtered) {
-            timed(&mut work.phases.assembly, || {
-                self.assemble(system, state, h, Projection::Clamp);
-            });
-            let clamped = system.springs().count_compressed(&state.x, self.tensions());
-            work.counts.clamped_springs += clamped as u64;
-            factorized = timed(&mut work.phases.factorization, || self.factorize());
-            work.counts.factorizations += 1;
+        let filtered = self.tangent == Tangent::Filtered;
+        if filtered && !self.tensions_are_known {
+            system.springs().tensions(&state.x, &mut self.tensions);
+            self.tensions_are_known = true;
         }
-        match factorized {
-            Ok(()) => {}
-            Err(SolveError::NotPositiveDefinite { block }) => {
-                return Err(MethodError::NotPositiveDefinite { block });
-            }
-            Err(other) => unreachable!("a numeric factorization does not report: {other}"),
-        }
+        work.counts.force_evaluations += 1;
+        let (on_demand, projection) = match self.tangent {
+            Tangent::Exact | Tangent::Filtered => (OnDemand::Clamp, Projection::None),
+            Tangent::Clamped => (OnDemand::Always, Projection::Clamp),
+            Tangent::Absolute => (OnDemand::Always, Projection::Absolute),
+            Tangent::Material => (OnDemand::Always, Projection::Drop),
+        };
+        factorize(
+            system,
+            &mut self.cholesky,
+            on_demand,
+            Evaluation {
+                x: &state.x,
+                v: &state.v,
+                projection,
+                tensions: filtered.then_some(&*self.tensions),
+                dashpot_tension: false,
+                weights: Weights::of_step(h),
+            },
+            &mut self.linearization,
+            work,
+        )
+    }
+
+    /// Solves for the new velocities, Eq. 14.
+    fn velocity_step(&mut self, system: &System, state: &State, h: f64, work: &mut Work) {
         timed(&mut work.phases.solve, || {
             let Linearization {
                 forces,
@@ -117,7 +110,6 @@ impl LinearlyImplicitEuler {
                 .solve_in_place(bytemuck::cast_slice_mut(&mut self.velocities));
         });
         work.counts.solves += 1;
-        Ok(())
     }
 
     /// x' = x + h v'.
@@ -129,18 +121,23 @@ impl LinearlyImplicitEuler {
         }
     }
 
-    /// T ← K(l − l₀) + K·(the change of l that the new velocities predict).
-    fn carry_tensions(&mut self, system: &System, state: &mut State, h: f64) {
+    /// T ← K(l − l₀) + K·(the change of l that the new velocities predict),
+    /// for the next step.
+    fn predict_tensions(&mut self, system: &System, state: &mut State, h: f64) {
         state.v[..self.velocities.len()].copy_from_slice(&self.velocities);
         system
             .springs()
-            .predict_tensions(&state.x, &state.v, h, &mut self.tensions);
+            .predict_tensions(&state.x, &state.v, h, &mut self.next_tensions);
     }
 }
 
 impl Method for LinearlyImplicitEuler {
     fn order(&self) -> u32 {
         1
+    }
+
+    fn setup(&self) -> Work {
+        self.setup
     }
 
     fn restart(&mut self) {
@@ -155,25 +152,20 @@ impl Method for LinearlyImplicitEuler {
         interval: Interval,
         state: &mut State,
         work: &mut Work,
-    ) -> Result<(), MethodError> {
+    ) -> Result<Option<ErrorEstimate>, MethodError> {
         let h = interval.size;
-        let projection = match self.tangent {
-            Tangent::Exact | Tangent::Filtered => Projection::None,
-            Tangent::Clamped => Projection::Clamp,
-            Tangent::Absolute => Projection::Absolute,
-            Tangent::Material => Projection::Drop,
-        };
-        timed(&mut work.phases.assembly, || {
-            self.assemble(system, state, h, projection);
-        });
-        work.counts.force_evaluations += 1;
-        self.velocity_step(system, state, h, work)?;
+        self.assemble(system, state, h, work)?;
+        self.velocity_step(system, state, h, work);
         if self.tangent == Tangent::Filtered {
-            self.carry_tensions(system, state, h);
+            self.predict_tensions(system, state, h);
         }
         self.position_step(state, h);
         anchors.place(interval.end, &mut state.x);
-        Ok(())
+        Ok(None)
+    }
+
+    fn accept(&mut self) {
+        std::mem::swap(&mut self.tensions, &mut self.next_tensions);
     }
 
     fn quadrature(&self) -> Quadrature {

@@ -37,6 +37,17 @@ impl Quadrature {
     };
 }
 
+/// An estimate of the error of one step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ErrorEstimate {
+    /// Rate at which the step adds to the error of positions, in m/s.
+    pub rate: f64,
+    /// The power of the step size that `rate` is proportional to.
+    pub exponent: f64,
+    /// The free block where it is largest.
+    pub block: usize,
+}
+
 /// A one-step method for M dv/dt = f(x, v), dx/dt = v.
 ///
 /// A method owns its workspace and allocates nothing in [`Self::step`] once it
@@ -46,6 +57,11 @@ pub trait Method {
     /// Order of consistency.
     fn order(&self) -> u32;
 
+    /// What its construction took, such as a symbolic factorization.
+    fn setup(&self) -> Work {
+        Work::default()
+    }
+
     /// Forgets hidden state; the next step starts from positions and
     /// velocities alone.
     fn restart(&mut self);
@@ -53,6 +69,9 @@ pub trait Method {
     /// Advances the free blocks of `state` over `interval`, puts the fixed ones
     /// where `anchors` has them at its end, and adds what it did to `work`.
     /// `state.time` is the caller's.
+    ///
+    /// Hidden state stays as it was until [`Self::accept`], so that the step
+    /// can be made again with another size.
     ///
     /// # Errors
     ///
@@ -64,10 +83,32 @@ pub trait Method {
         interval: Interval,
         state: &mut State,
         work: &mut Work,
-    ) -> Result<(), MethodError>;
+    ) -> Result<Option<ErrorEstimate>, MethodError>;
+
+    /// A costlier and sharper estimate of the error of the last step, asked for
+    /// when the first one would reject it; `None` if there is no better one.
+    fn second_estimate(
+        &mut self,
+        _system: &System,
+        _state: &State,
+        _work: &mut Work,
+    ) -> Option<ErrorEstimate> {
+        None
+    }
+
+    /// The last step stands; the next one starts at its end.
+    fn accept(&mut self);
 
     /// How the energy ledger integrates over a step.
     fn quadrature(&self) -> Quadrature {
         Quadrature::TRAPEZOIDAL
     }
+}
+
+/// The time, in s, over which an error of velocities grows into one of
+/// positions: the one in which the motion itself changes, speed/acceleration,
+/// but no less than a step and no more than a thousand.
+pub(crate) fn time_scale(speed: f64, acceleration: f64, h: f64) -> f64 {
+    let changing = speed / acceleration.max(f64::MIN_POSITIVE);
+    changing.clamp(h, 1e3 * h)
 }

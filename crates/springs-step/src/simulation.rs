@@ -1,9 +1,11 @@
 //! The time loop: steps, frames, report.
 
 use crate::choose::choose;
+use crate::controller::{Controller, Verdict};
+use crate::interpolate::Between;
 use crate::{
-    Choice, Interval, Ledger, NodeStates, SetupError, StepError, StepPlan, Stepper, Work,
-    interpolate,
+    Cause, Choice, Interval, Ledger, NodeStates, Pace, SetupError, State, StepError, StepPlan,
+    Stepper, Work,
 };
 use springs_assembly::{Energy, compile};
 use springs_scene::Scene;
@@ -49,11 +51,22 @@ pub enum Outcome {
 pub struct Simulation {
     stepper: Stepper,
     choice: Choice,
-    plan: StepPlan,
+    duration: f64,
+    schedule: Schedule,
+    between: Between,
     nodes: NodeStates,
     work: Work,
     ledger: Ledger,
 }
+
+/// Where the next step comes from.
+enum Schedule {
+    Fixed(StepPlan),
+    Adaptive(Controller),
+}
+
+/// Methods of at least this order need more than a polynomial between steps.
+const HIGH_ORDER: u32 = 4;
 
 impl Simulation {
     /// Compiles the scene and settles method and step.
@@ -63,28 +76,52 @@ impl Simulation {
     /// If the scene is wrong or the method cannot move it.
     pub fn new(scene: &Scene) -> Result<Self, SetupError> {
         let system = compile(scene)?;
-        let choice = choose(&system, &scene.settings)?;
+        let choice = choose(scene, &system)?;
+        let duration = scene.settings.duration;
+        let schedule = match choice.pace {
+            Pace::Fixed(step_size) => Schedule::Fixed(StepPlan::new(duration, step_size)),
+            Pace::Tolerance(tolerance) => Schedule::Adaptive(Controller::new(
+                tolerance,
+                duration,
+                first_step(duration, system.frequency_bound()),
+            )),
+        };
         let stepper = Stepper::chosen(system, &choice)?;
-        let mut work = Work::default();
-        work.counts.symbolic_factorizations = u64::from(choice.tangent.is_some());
+        let between = match stepper.method().order() {
+            order if order < HIGH_ORDER => Between::Polynomial { order },
+            _ => Between::Substep {
+                method: choice.build(stepper.system())?,
+                state: State::initial(stepper.system()),
+            },
+        };
         Ok(Self {
             ledger: Ledger::open(stepper.system(), stepper.state()),
-            plan: StepPlan::new(scene.settings.duration, choice.step_size),
             nodes: NodeStates::of(scene),
+            duration,
+            schedule,
+            between,
             choice,
+            work: stepper.method().setup(),
             stepper,
-            work,
         })
     }
 
-    /// Method, tangent and step size.
-    pub fn choice(&self) -> Choice {
-        self.choice
+    /// Method, tangent and step.
+    pub fn choice(&self) -> &Choice {
+        &self.choice
     }
 
-    /// How the duration is cut into steps.
-    pub fn plan(&self) -> StepPlan {
-        self.plan
+    /// Simulated time at the end, in s.
+    pub fn duration(&self) -> f64 {
+        self.duration
+    }
+
+    /// How the duration is cut into steps, if they are of fixed size.
+    pub fn plan(&self) -> Option<StepPlan> {
+        match self.schedule {
+            Schedule::Fixed(plan) => Some(plan),
+            Schedule::Adaptive(_) => None,
+        }
     }
 
     /// The compiled scene and its state.
@@ -115,7 +152,8 @@ impl Simulation {
 
     /// Runs to the end, or until the observer or an error stops it, and shows
     /// the observer `intervals` + 1 frames at equal distances, time 0 and the
-    /// duration included. Frames never change the steps.
+    /// duration included. Frames never change the steps. After a stop it goes
+    /// on, with the frames that are still to come.
     ///
     /// # Errors
     ///
@@ -125,22 +163,18 @@ impl Simulation {
         intervals: usize,
         observer: &mut dyn Observer,
     ) -> Result<Outcome, StepError> {
-        let mut frames = Frames::new(&self.plan, intervals, &self.nodes);
-        if frames.show(0.0, &self.nodes, observer).is_break() {
+        let mut frames = Frames::new(self.duration, intervals, &self.nodes);
+        if self.stepper.steps() > 0 {
+            frames.skip(self.stepper.time());
+        } else if frames.show(0.0, &self.nodes, observer).is_break() {
             return Ok(Outcome::Stopped);
         }
-        for step in 1..=self.plan.n_steps() {
-            let interval = Interval {
-                start: self.stepper.time(),
-                end: self.plan.end_of(step),
-                size: self.plan.size_of(step),
-            };
-            frames.remember(interval, &self.nodes);
-            self.step(interval)?;
-            let order = self.stepper.method().order();
-            let shown = frames.show_until(interval, order, &self.nodes, observer);
+        while !self.is_finished() {
+            frames.remember(&self.nodes);
+            let interval = self.step()?;
+            let shown = self.show_frames(&mut frames, interval, observer)?;
             if shown.is_break() || observer.step(interval.end).is_break() {
-                return Ok(match step == self.plan.n_steps() {
+                return Ok(match self.is_finished() {
                     true => Outcome::Finished,
                     false => Outcome::Stopped,
                 });
@@ -149,18 +183,133 @@ impl Simulation {
         Ok(Outcome::Finished)
     }
 
-    fn step(&mut self, interval: Interval) -> Result<(), StepError> {
-        let work = self
-            .stepper
-            .step_until(&mut self.nodes, interval.end, interval.size)?;
-        self.work += work;
+    fn is_finished(&self) -> bool {
+        match self.schedule {
+            Schedule::Fixed(plan) => self.stepper.steps() >= plan.n_steps(),
+            Schedule::Adaptive(_) => self.stepper.time() >= self.duration,
+        }
+    }
+
+    /// Makes one step that stands.
+    fn step(&mut self) -> Result<Interval, StepError> {
+        let interval = match self.schedule {
+            Schedule::Fixed(plan) => {
+                let step = self.stepper.steps() + 1;
+                let interval = Interval {
+                    start: self.stepper.time(),
+                    end: plan.end_of(step),
+                    size: plan.size_of(step),
+                };
+                let (end, h) = (interval.end, interval.size);
+                self.stepper
+                    .step_until(&mut self.nodes, end, h, &mut self.work)?;
+                interval
+            }
+            Schedule::Adaptive(_) => self.adaptive_step()?,
+        };
         self.ledger.record(
             self.stepper.system(),
             self.stepper.state(),
             interval,
             self.stepper.method().quadrature(),
         );
-        Ok(())
+        Ok(interval)
+    }
+
+    /// Attempts steps until one is accurate enough.
+    fn adaptive_step(&mut self) -> Result<Interval, StepError> {
+        let Schedule::Adaptive(controller) = &mut self.schedule else {
+            unreachable!("only called with a controller");
+        };
+        let start = self.stepper.time();
+        loop {
+            let interval = next_interval(start, self.duration, controller.step_size());
+            let attempt = self.stepper.attempt(&self.nodes, interval, &mut self.work);
+            let too_small = interval.start + 0.1 * interval.size == interval.start;
+            match attempt {
+                Err(error) if too_small => return Err(error),
+                Err(_) => controller.fail(interval.size),
+                Ok(estimate) => {
+                    let mut estimate = estimate.expect("methods are built with an estimate");
+                    if !controller.allows(estimate)
+                        && let Some(second) = self.stepper.second_estimate(&mut self.work)
+                    {
+                        estimate = second;
+                    }
+                    match controller.judge(interval.size, estimate) {
+                        Verdict::Accept => {
+                            self.stepper
+                                .accept(&mut self.nodes, interval, &mut self.work);
+                            return Ok(interval);
+                        }
+                        Verdict::Reject if too_small => {
+                            self.stepper.reject(&self.nodes);
+                            let cause = Cause::StepTooSmall;
+                            return Err(self.stepper.error(cause, estimate.block, interval));
+                        }
+                        Verdict::Reject => self.stepper.reject(&self.nodes),
+                    }
+                }
+            }
+            self.work.counts.rejected_steps += 1;
+        }
+    }
+
+    fn show_frames(
+        &mut self,
+        frames: &mut Frames,
+        interval: Interval,
+        observer: &mut dyn Observer,
+    ) -> Result<ControlFlow<()>, StepError> {
+        while let Some(time) = frames.next_time() {
+            let fraction = (time - interval.start) / (interval.end - interval.start);
+            if fraction >= 1.0 + AT_THE_END {
+                break;
+            }
+            let shown = if fraction >= 1.0 - AT_THE_END {
+                frames.show(time, &self.nodes, observer)
+            } else {
+                let mut between = std::mem::take(&mut frames.between);
+                let compiled = (self.stepper.system(), self.stepper.anchors());
+                let ends = [&frames.before, &self.nodes];
+                self.between
+                    .evaluate(compiled, ends, interval, time, &mut between)
+                    .map_err(|error| {
+                        let block = error.block();
+                        self.stepper.error(Cause::from(error), block, interval)
+                    })?;
+                let shown = frames.show(time, &between, observer);
+                frames.between = between;
+                shown
+            };
+            if shown.is_break() {
+                return Ok(shown);
+            }
+        }
+        Ok(ControlFlow::Continue(()))
+    }
+}
+
+/// A first step that is short for anything the scene can do; the controller
+/// lengthens it quickly.
+fn first_step(duration: f64, fastest: f64) -> f64 {
+    let resolving = 0.1 / fastest;
+    (duration / 100.0).min(resolving.max(1e-6 * duration))
+}
+
+/// The next step of about `h`: to the end if that is near, and in two equal
+/// steps if it is not much further.
+fn next_interval(start: f64, duration: f64, h: f64) -> Interval {
+    let left = duration - start;
+    let size = match left / h {
+        steps if steps <= 1.0 + 1e-9 => left,
+        steps if steps < 2.0 => 0.5 * left,
+        _ => h,
+    };
+    Interval {
+        start,
+        end: if size == left { duration } else { start + size },
+        size,
     }
 }
 
@@ -169,7 +318,7 @@ struct Frames {
     duration: f64,
     intervals: usize,
     next: usize,
-    /// State before the present step, if a frame lies inside it.
+    /// State before the present step.
     before: NodeStates,
     between: NodeStates,
 }
@@ -178,10 +327,10 @@ struct Frames {
 const AT_THE_END: f64 = 1e-9;
 
 impl Frames {
-    fn new(plan: &StepPlan, intervals: usize, nodes: &NodeStates) -> Self {
-        let intervals = if plan.duration == 0.0 { 0 } else { intervals };
+    fn new(duration: f64, intervals: usize, nodes: &NodeStates) -> Self {
+        let intervals = if duration == 0.0 { 0 } else { intervals };
         Self {
-            duration: plan.duration,
+            duration,
             intervals,
             next: 0,
             before: nodes.clone(),
@@ -200,8 +349,16 @@ impl Frames {
         }
     }
 
-    fn remember(&mut self, interval: Interval, nodes: &NodeStates) {
-        if self.next_time().is_some_and(|time| time < interval.end) {
+    /// Leaves out the frames up to `time`.
+    fn skip(&mut self, time: f64) {
+        while self.next_time().is_some_and(|next| next <= time) {
+            self.next += 1;
+        }
+    }
+
+    /// Keeps the state before a step, if there are frames that could lie in it.
+    fn remember(&mut self, nodes: &NodeStates) {
+        if self.next_time().is_some_and(|time| time < self.duration) {
             self.before.clone_from(nodes);
         }
     }
@@ -211,32 +368,5 @@ impl Frames {
         let index = self.next;
         self.next += 1;
         to.frame(Frame { index, time, nodes })
-    }
-
-    /// Shows all frames up to the end of a step.
-    fn show_until(
-        &mut self,
-        interval: Interval,
-        order: u32,
-        after: &NodeStates,
-        to: &mut dyn Observer,
-    ) -> ControlFlow<()> {
-        while let Some(time) = self.next_time() {
-            let fraction = (time - interval.start) / interval.size;
-            if fraction >= 1.0 + AT_THE_END {
-                break;
-            }
-            if fraction >= 1.0 - AT_THE_END {
-                self.show(time, after, to)?;
-                continue;
-            }
-            let (h, before) = (interval.size, &self.before);
-            interpolate(order, before, after, h, fraction, &mut self.between);
-            let between = std::mem::take(&mut self.between);
-            let shown = self.show(time, &between, to);
-            self.between = between;
-            shown?;
-        }
-        ControlFlow::Continue(())
     }
 }

@@ -38,7 +38,7 @@ impl NodeStates {
 }
 
 /// The global vectors: all blocks in compiled order, the unknowns first.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct State {
     /// Time since the start, in s.
     pub time: f64,

@@ -2,7 +2,8 @@
 
 use crate::choose::choose;
 use crate::{
-    Anchors, Choice, Interval, Method, MethodError, NodeStates, SetupError, State, StepError, Work,
+    Anchors, Cause, Choice, ErrorEstimate, Interval, Method, NodeStates, SetupError, State,
+    StepError, Work,
 };
 use springs_assembly::{System, compile};
 use springs_scene::Scene;
@@ -53,7 +54,7 @@ impl Stepper {
     /// If the scene is wrong or the method cannot move it.
     pub fn new(scene: &Scene) -> Result<Self, SetupError> {
         let system = compile(scene)?;
-        let choice = choose(&system, &scene.settings)?;
+        let choice = choose(scene, &system)?;
         Self::chosen(system, &choice)
     }
 
@@ -94,6 +95,11 @@ impl Stepper {
         &self.system
     }
 
+    /// Where fixed nodes are at any time.
+    pub fn anchors(&self) -> &Anchors {
+        &self.anchors
+    }
+
     /// The method.
     pub fn method(&self) -> &dyn Method {
         &*self.method
@@ -115,10 +121,16 @@ impl Stepper {
     ///
     /// # Panics
     ///
-    /// If `nodes` does not have the nodes of the scene.
+    /// If `nodes` does not have the nodes of the scene, or `h` is not positive
+    /// and finite.
     pub fn step(&mut self, nodes: &mut NodeStates, h: f64) -> Result<Work, StepError> {
+        assert!(
+            h > 0.0 && h.is_finite(),
+            "a step size is positive and finite"
+        );
         let clock = self.clock.next(h);
-        let work = self.step_until(nodes, clock.time(), h)?;
+        let mut work = Work::default();
+        self.step_until(nodes, clock.time(), h, &mut work)?;
         self.clock = clock;
         Ok(work)
     }
@@ -129,25 +141,74 @@ impl Stepper {
         nodes: &mut NodeStates,
         end: f64,
         h: f64,
-    ) -> Result<Work, StepError> {
-        let start = self.state.time;
+        work: &mut Work,
+    ) -> Result<(), StepError> {
         let interval = Interval {
-            start,
+            start: self.state.time,
             end,
             size: h,
         };
-        let mut work = Work::default();
+        self.attempt(nodes, interval, work)?;
+        self.accept(nodes, interval, work);
+        Ok(())
+    }
+
+    /// Makes a step that is not yet accepted. If it fails, everything is as it
+    /// was before.
+    pub(crate) fn attempt(
+        &mut self,
+        nodes: &NodeStates,
+        interval: Interval,
+        work: &mut Work,
+    ) -> Result<Option<ErrorEstimate>, StepError> {
         self.gather(nodes);
-        if let Err(error) = self.advance(interval, &mut work) {
-            self.state.gather(&self.system, nodes);
-            self.method.restart();
-            return Err(error);
+        let made = self
+            .method
+            .step(&self.system, &self.anchors, interval, &mut self.state, work);
+        let failure = match made {
+            Err(error) => Some((Cause::from(error), error.block())),
+            Ok(_) => self
+                .state
+                .first_not_finite(self.system.n_free())
+                .map(|block| (Cause::NotFinite, block)),
+        };
+        match failure {
+            None => Ok(made.unwrap_or_default()),
+            Some((cause, block)) => {
+                self.reject(nodes);
+                Err(self.error(cause, block, interval))
+            }
         }
+    }
+
+    /// A sharper estimate of the error of the attempted step, if there is one.
+    pub(crate) fn second_estimate(&mut self, work: &mut Work) -> Option<ErrorEstimate> {
+        self.method.second_estimate(&self.system, &self.state, work)
+    }
+
+    /// The error of a step that did not work out.
+    pub(crate) fn error(&self, cause: Cause, block: usize, interval: Interval) -> StepError {
+        StepError {
+            cause,
+            node: self.system.numbering().node(block),
+            step: self.steps + 1,
+            time: interval.start,
+            step_size: interval.size,
+        }
+    }
+
+    /// The attempted step stands.
+    pub(crate) fn accept(&mut self, nodes: &mut NodeStates, interval: Interval, work: &mut Work) {
+        self.method.accept();
         self.state.scatter(&self.system, nodes);
-        self.state.time = end;
+        self.state.time = interval.end;
         self.steps += 1;
-        work.counts.steps = 1;
-        Ok(work)
+        work.counts.steps += 1;
+    }
+
+    /// The attempted step is taken back; hidden state was not touched.
+    pub(crate) fn reject(&mut self, nodes: &NodeStates) {
+        self.state.gather(&self.system, nodes);
     }
 
     /// Collects positions and velocities of the nodes into the global vectors.
@@ -155,31 +216,6 @@ impl Stepper {
         if self.state.gather(&self.system, nodes) {
             self.anchors = Anchors::new(&self.system, &self.state);
             self.method.restart();
-        }
-    }
-
-    fn advance(&mut self, interval: Interval, work: &mut Work) -> Result<(), StepError> {
-        let (step, time, step_size) = (self.steps + 1, interval.start, interval.size);
-        let node = |block| self.system.numbering().node(block);
-        let made = self
-            .method
-            .step(&self.system, &self.anchors, interval, &mut self.state, work);
-        if let Err(MethodError::NotPositiveDefinite { block }) = made {
-            return Err(StepError::NotPositiveDefinite {
-                node: node(block),
-                step,
-                time,
-                step_size,
-            });
-        }
-        match self.state.first_not_finite(self.system.n_free()) {
-            None => Ok(()),
-            Some(block) => Err(StepError::NotFinite {
-                node: node(block),
-                step,
-                time,
-                step_size,
-            }),
         }
     }
 }

@@ -4,7 +4,7 @@ use super::source::SceneArguments;
 use super::{Ending, print};
 use springs::assembly::compile;
 use springs::inspect::{count, inspect};
-use springs::step::{StepPlan, choose};
+use springs::step::{Pace, StepPlan, choose};
 use std::fmt::Write as _;
 
 #[derive(clap::Args)]
@@ -17,8 +17,7 @@ pub(crate) fn check(arguments: &CheckArguments) -> anyhow::Result<Ending> {
     let source = arguments.scene.load()?;
     let scene = &source.scene;
     let system = compile(scene)?;
-    let choice = choose(&system, &scene.settings).map_err(|error| source.advised(&error))?;
-    let plan = StepPlan::new(scene.settings.duration, choice.step_size);
+    let choice = choose(scene, &system).map_err(|error| source.advised(&error))?;
     let inspection = inspect(scene, &system, &choice);
 
     let name = if scene.name.is_empty() {
@@ -57,16 +56,28 @@ pub(crate) fn check(arguments: &CheckArguments) -> anyhow::Result<Ending> {
     let tangent = choice
         .tangent
         .map_or(String::new(), |tangent| format!(" with {tangent} tangent"));
-    writeln!(
-        text,
-        "  {}{tangent}: {} of {} s for {} s",
-        choice.method,
-        count(plan.n_steps() as usize, "step"),
-        choice.step_size,
-        plan.duration
-    )?;
-    if let Some(rest) = plan.shortened {
-        writeln!(text, "  the last step is shortened to {rest} s")?;
+    let duration = scene.settings.duration;
+    match choice.pace {
+        Pace::Fixed(h) => {
+            let plan = StepPlan::new(duration, h);
+            let steps = count(plan.n_steps() as usize, "step");
+            writeln!(
+                text,
+                "  {}{tangent}: {steps} of {h} s for {duration} s",
+                choice.method
+            )?;
+            if let Some(rest) = plan.shortened {
+                writeln!(text, "  the last step is shortened to {rest} s")?;
+            }
+        }
+        Pace::Tolerance(tolerance) => writeln!(
+            text,
+            "  {}{tangent}: steps for an error of {tolerance} m after {duration} s",
+            choice.method
+        )?,
+    }
+    if !choice.reason.is_empty() {
+        writeln!(text, "  because {}", choice.reason)?;
     }
     writeln!(
         text,

@@ -68,9 +68,10 @@ pub(crate) fn run(arguments: &RunArguments) -> anyhow::Result<Ending> {
         interrupted: watch_for_interrupt()?,
         progress: match arguments.quiet {
             true => ProgressBar::hidden(),
-            false => progress_bar(&simulation),
+            false => progress_bar(),
         },
         last_drawn: Instant::now(),
+        duration: simulation.duration(),
         output,
         writing: Duration::ZERO,
         failure: None,
@@ -139,18 +140,23 @@ fn watch_for_interrupt() -> anyhow::Result<Arc<AtomicBool>> {
     Ok(interrupted)
 }
 
-/// Drawn to standard error, and only if that is a terminal.
-fn progress_bar(simulation: &Simulation) -> ProgressBar {
+/// Drawn to standard error, and only if that is a terminal. Its length is
+/// simulated time.
+fn progress_bar() -> ProgressBar {
     let style = ProgressStyle::with_template("{bar:32} {percent:>3} %  {msg}, {eta} left")
         .expect("a template that is correct");
-    ProgressBar::new(simulation.plan().n_steps()).with_style(style)
+    ProgressBar::new(PROGRESS).with_style(style)
 }
+
+/// Parts of the duration that the progress bar tells apart.
+const PROGRESS: u64 = 10_000;
 
 /// Writes frames, draws progress, notices an interrupt.
 struct Watcher {
     interrupted: Arc<AtomicBool>,
     progress: ProgressBar,
     last_drawn: Instant,
+    duration: f64,
     output: Output,
     writing: Duration,
     failure: Option<Unwritten>,
@@ -174,12 +180,11 @@ impl Observer for Watcher {
     }
 
     fn step(&mut self, time: f64) -> ControlFlow<()> {
-        if !self.progress.is_hidden() {
-            self.progress.inc(1);
-            if self.last_drawn.elapsed() >= REDRAW {
-                self.progress.set_message(format!("{time:.3} s simulated"));
-                self.last_drawn = Instant::now();
-            }
+        if !self.progress.is_hidden() && self.last_drawn.elapsed() >= REDRAW {
+            let done = time / self.duration;
+            self.progress.set_position((done * PROGRESS as f64) as u64);
+            self.progress.set_message(format!("{time:.3} s simulated"));
+            self.last_drawn = Instant::now();
         }
         match self.interrupted.load(Ordering::Relaxed) {
             true => ControlFlow::Break(()),

@@ -26,11 +26,18 @@ pub(crate) fn summary(scene: &Scene, report: &Report, folder: &Path, written: &[
         Some(rest) => format!(", the last shortened to {} s", short(rest)),
         None => String::new(),
     };
+    let sizes = match (report.step_size, report.tolerance) {
+        (Some(step_size), _) => format!(" of {} s{shortened}", short(step_size)),
+        (None, tolerance) => format!(
+            " for an error of {} m, {} rejected",
+            short(tolerance.unwrap_or(0.0)),
+            report.rejected_steps
+        ),
+    };
     lines.push(format!(
-        "  {} s in {} of {} s{shortened}, {}{tangent}",
+        "  {} s in {}{sizes}, {}{tangent}",
         short(report.simulated_seconds),
         count(report.steps as usize, "step"),
-        short(report.step_size),
         report.method,
     ));
     let seconds = &report.seconds;
@@ -74,12 +81,8 @@ pub(crate) fn summary(scene: &Scene, report: &Report, folder: &Path, written: &[
     lines.push(format!("  {}", flows.join(", ")));
     if report.clamped_springs > 0 {
         lines.push(format!(
-            "  {} clamped where the matrix was indefinite, {} in all",
-            count(
-                (report.clamped_springs / report.steps.max(1)) as usize,
-                "spring"
-            ) + " a step",
-            report.clamped_springs,
+            "  {} clamped where the matrix was indefinite, over all steps",
+            count(report.clamped_springs as usize, "spring"),
         ));
     }
     lines.push(format!(
@@ -111,7 +114,10 @@ fn time(seconds: f64) -> String {
         s if s < 1e-3 => format!("{:.0} µs", s * 1e6),
         s if s < 0.1 => format!("{:.1} ms", s * 1e3),
         s if s < 1.0 => format!("{:.0} ms", s * 1e3),
-        s if s < 60.0 => format!("{s:.1} s"),
-        s => format!("{:.0} min {:.0} s", (s / 60.0).floor(), s % 60.0),
+        s if s < 59.95 => format!("{s:.1} s"),
+        s => {
+            let whole = s.round() as u64;
+            format!("{} min {} s", whole / 60, whole % 60)
+        }
     }
 }

@@ -1,0 +1,171 @@
+//! Explicit kick–drift–kick methods: velocity Verlet and the compositions of
+//! Blanes and Moan.
+
+use crate::work::timed;
+use crate::{Anchors, ErrorEstimate, Interval, Method, MethodError, State, Work};
+use nalgebra::Vector3;
+use springs_assembly::System;
+
+/// A symmetric composition of kicks v += b h M⁻¹f(x, v) and drifts x += a h v,
+/// beginning and ending with a kick. The last force of a step is the first of
+/// the next.
+///
+/// Symplectic and time-reversible without dashpots: linear and angular momentum
+/// are kept to rounding, the energy error stays bounded.
+pub struct Splitting {
+    order: u32,
+    kicks: Vec<f64>,
+    drifts: Vec<f64>,
+    accelerations: Vec<Vector3<f64>>,
+    next_accelerations: Vec<Vector3<f64>>,
+    /// Velocities that forces see.
+    seen: Vec<Vector3<f64>>,
+    accelerations_are_known: bool,
+}
+
+impl Splitting {
+    /// Velocity Verlet: order 2, one force a step, stable for hω < 2 (Swope et
+    /// al., J. Chem. Phys. 76, 1982).
+    ///
+    /// Forces that depend on velocities are taken at the velocity predicted for
+    /// the end of the step, which keeps order 2 (Groot and Warren, J. Chem.
+    /// Phys. 107, 1997, with λ = 1).
+    pub fn velocity_verlet(system: &System) -> Self {
+        Self::symmetric(system, 2, &[0.5], &[1.0])
+    }
+
+    /// Order 4, six forces a step: SRKN₆ᵇ of Blanes and Moan, J. Comput. Appl.
+    /// Math. 142 (2002), table 3. For forces that do not depend on velocities.
+    pub fn blanes_moan_4(system: &System) -> Self {
+        let b = [0.0829844064174052, 0.396309801498368, -0.0390563049223486];
+        let a = [0.245298957184271, 0.604872665711080];
+        Self::symmetric(
+            system,
+            4,
+            &[b[0], b[1], b[2], 1.0 - 2.0 * (b[0] + b[1] + b[2])],
+            &[a[0], a[1], 0.5 - (a[0] + a[1])],
+        )
+    }
+
+    /// Order 6, eleven forces a step: SRKN₁₁ᵇ of the same paper. For forces that
+    /// do not depend on velocities.
+    pub fn blanes_moan_6(system: &System) -> Self {
+        let b = [
+            0.0414649985182624,
+            0.198128671918067,
+            -0.0400061921041533,
+            0.0752539843015807,
+            -0.0115113874206879,
+        ];
+        let a = [
+            0.123229775946271,
+            0.290553797799558,
+            -0.127049212625417,
+            -0.246331761062075,
+            0.357208872795928,
+        ];
+        let (last_b, middle_a) = (
+            0.5 - b.iter().sum::<f64>(),
+            1.0 - 2.0 * a.iter().sum::<f64>(),
+        );
+        Self::symmetric(
+            system,
+            6,
+            &[b[0], b[1], b[2], b[3], b[4], last_b],
+            &[a[0], a[1], a[2], a[3], a[4], middle_a],
+        )
+    }
+
+    /// Mirrors the first half of a composition. One kick more than drifts stand
+    /// in the whole, so the middle is a drift if both halves are as long, and a
+    /// kick otherwise.
+    fn symmetric(system: &System, order: u32, kicks: &[f64], drifts: &[f64]) -> Self {
+        let middle_is_drift = kicks.len() == drifts.len();
+        let mirror = |half: &[f64], shared: bool| -> Vec<f64> {
+            let mirrored = half.iter().rev().skip(usize::from(shared));
+            half.iter().chain(mirrored).copied().collect()
+        };
+        Self {
+            order,
+            kicks: mirror(kicks, !middle_is_drift),
+            drifts: mirror(drifts, middle_is_drift),
+            accelerations: vec![Vector3::zeros(); system.n_free()],
+            next_accelerations: vec![Vector3::zeros(); system.n_free()],
+            seen: system.initial_velocities().to_vec(),
+            accelerations_are_known: false,
+        }
+    }
+
+    fn accelerate(
+        system: &System,
+        x: &[Vector3<f64>],
+        v: &[Vector3<f64>],
+        accelerations: &mut [Vector3<f64>],
+        work: &mut Work,
+    ) {
+        timed(&mut work.phases.assembly, || {
+            system.forces(x, v, accelerations);
+            for (a, mass) in accelerations.iter_mut().zip(system.masses()) {
+                *a /= *mass;
+            }
+        });
+        work.counts.force_evaluations += 1;
+    }
+}
+
+impl Method for Splitting {
+    fn order(&self) -> u32 {
+        self.order
+    }
+
+    fn restart(&mut self) {
+        self.accelerations_are_known = false;
+    }
+
+    fn step(
+        &mut self,
+        system: &System,
+        anchors: &Anchors,
+        interval: Interval,
+        state: &mut State,
+        work: &mut Work,
+    ) -> Result<Option<ErrorEstimate>, MethodError> {
+        let h = interval.size;
+        if !self.accelerations_are_known {
+            Self::accelerate(system, &state.x, &state.v, &mut self.accelerations, work);
+            self.accelerations_are_known = true;
+        }
+        let now = &mut self.next_accelerations;
+        now.copy_from_slice(&self.accelerations);
+        self.seen.copy_from_slice(&state.v);
+        let mut elapsed = 0.0;
+        for (stage, drift) in self.drifts.iter().enumerate() {
+            let (kick, next_kick) = (self.kicks[stage] * h, self.kicks[stage + 1] * h);
+            let drift = drift * h;
+            elapsed += drift;
+            let moving = state.x.iter_mut().zip(&mut state.v).zip(&mut self.seen);
+            for (a, ((x, v), seen)) in now.iter().zip(moving) {
+                *v += a * kick;
+                *x += *v * drift;
+                *seen = *v + a * next_kick;
+            }
+            let last = stage + 1 == self.drifts.len();
+            let time = if last {
+                interval.end
+            } else {
+                interval.start + elapsed
+            };
+            anchors.place(time, &mut state.x);
+            Self::accelerate(system, &state.x, &self.seen, now, work);
+        }
+        let last_kick = self.kicks[self.drifts.len()] * h;
+        for (v, a) in state.v.iter_mut().zip(now.iter()) {
+            *v += a * last_kick;
+        }
+        Ok(None)
+    }
+
+    fn accept(&mut self) {
+        std::mem::swap(&mut self.accelerations, &mut self.next_accelerations);
+    }
+}

@@ -1,0 +1,394 @@
+//! The implicit stage that all converged methods share, and its Newton solver.
+
+use crate::work::timed;
+use crate::{MethodError, State, Work};
+use nalgebra::Vector3;
+use springs_assembly::{Evaluation, ForceEmitter as _, Linearization, Projection, System, Weights};
+use springs_solver::{SolveError, SparseCholesky};
+
+/// Solver of M v = p + c f(x, v), x = q + c v for the velocities v of a stage.
+///
+/// Newton's method with filtered tensions: the tension T of each spring is an
+/// unknown of its own, so that the across stiffness T/l of the matrix follows
+/// the solution instead of the false stretch that turning a stiff spring gives.
+/// At convergence T = K(l − l₀), so the answer is that of the plain method.
+/// Negative across stiffness is clamped only when the matrix turns out
+/// indefinite. If that has not converged after a dozen iterations, Newton's
+/// method on the velocities alone, with the energy of the step as merit
+/// function and Armijo's rule, makes some progress first; and so in turns.
+pub(crate) struct Stage {
+    cholesky: SparseCholesky,
+    linearization: Linearization,
+    /// Correction of the velocities; zero for fixed blocks.
+    delta: Vec<Vector3<f64>>,
+    start: State,
+    trial: State,
+    tensions: Vec<f64>,
+    frequency_bound: f64,
+    setup: Work,
+}
+
+/// What kind of correction is wanted.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Iteration {
+    /// With filtered tensions; clamped on demand.
+    Filtered,
+    /// With the springs' own tensions; clamped on demand.
+    Primal,
+    /// With the springs' own tensions, clamped.
+    Clamped,
+}
+
+/// What a stage starts from. Positions of fixed blocks are those at its time.
+pub(crate) struct StageProblem<'a> {
+    /// c, in s.
+    pub(crate) c: f64,
+    /// p, one per free block, in kg·m/s.
+    pub(crate) momenta: &'a [Vector3<f64>],
+    /// Where it must be right to, in m; `None`: to rounding.
+    pub(crate) accuracy: Option<f64>,
+}
+
+const FILTERED_ITERATIONS: usize = 12;
+const PRIMAL_ITERATIONS: usize = 24;
+/// Rounds of both.
+const ROUNDS: usize = 40;
+const MOST_HALVINGS: usize = 30;
+/// Relative accuracy that a stage is solved to, if rounding allows.
+const WANTED: f64 = 1e-13;
+/// Corrections may stop shrinking when they are this many times larger.
+const ACCEPTABLE: f64 = 1e3;
+/// Armijo's constant.
+const SUFFICIENT: f64 = 1e-4;
+
+impl Stage {
+    pub(crate) fn new(system: &System) -> Result<Self, SolveError> {
+        let mut setup = Work::default();
+        Ok(Self {
+            cholesky: analyze(system, &mut setup)?,
+            setup,
+            linearization: system.linearization(),
+            delta: vec![Vector3::zeros(); system.numbering().n_nodes()],
+            start: State::initial(system),
+            trial: State::initial(system),
+            tensions: vec![0.0; system.springs().len()],
+            frequency_bound: system.frequency_bound(),
+        })
+    }
+
+    /// Solves for the stage. `state` holds q in its positions and the first
+    /// guess in its velocities; it gets x and v. `tensions` are the first guess
+    /// of the tensions and get those of the solution.
+    pub(crate) fn solve(
+        &mut self,
+        system: &System,
+        problem: &StageProblem<'_>,
+        state: &mut State,
+        tensions: &mut [f64],
+        work: &mut Work,
+    ) -> Result<(), MethodError> {
+        let c = problem.c;
+        for block in 0..system.n_free() {
+            let v = state.v[block];
+            state.x[block] += v * c;
+        }
+        self.tensions.copy_from_slice(tensions);
+        for _ in 0..ROUNDS {
+            self.start.x.copy_from_slice(&state.x);
+            self.start.v.copy_from_slice(&state.v);
+            if self.filtered(system, problem, state, work)? {
+                tensions.copy_from_slice(&self.tensions);
+                return Ok(());
+            }
+            // Back to where the merit is known to be lower than at first.
+            state.x.copy_from_slice(&self.start.x);
+            state.v.copy_from_slice(&self.start.v);
+            let converged = self.descend(system, problem, state, work)?;
+            system.springs().tensions(&state.x, &mut self.tensions);
+            if converged {
+                tensions.copy_from_slice(&self.tensions);
+                return Ok(());
+            }
+        }
+        Err(MethodError::NotConverged {
+            block: largest(&self.delta[..system.n_free()]).0,
+        })
+    }
+
+    /// Newton with filtered tensions; says whether it converged.
+    fn filtered(
+        &mut self,
+        system: &System,
+        problem: &StageProblem<'_>,
+        state: &mut State,
+        work: &mut Work,
+    ) -> Result<bool, MethodError> {
+        let mut last = f64::INFINITY;
+        for _ in 0..FILTERED_ITERATIONS {
+            self.direction(system, problem, state, Iteration::Filtered, work)?;
+            self.predict(system, state, problem.c);
+            self.advance(system, state, problem.c, 1.0);
+            let size = self.delta_size(system);
+            if self.is_enough(system, problem, state, size, last) {
+                return Ok(true);
+            }
+            last = size;
+        }
+        Ok(false)
+    }
+
+    /// Newton on the velocities with Armijo's rule; says whether it converged.
+    fn descend(
+        &mut self,
+        system: &System,
+        problem: &StageProblem<'_>,
+        state: &mut State,
+        work: &mut Work,
+    ) -> Result<bool, MethodError> {
+        let c = problem.c;
+        let mut last = f64::INFINITY;
+        for iteration in 0..PRIMAL_ITERATIONS {
+            let kind = match iteration < PRIMAL_ITERATIONS / 2 {
+                true => Iteration::Primal,
+                false => Iteration::Clamped,
+            };
+            let slope = self.direction(system, problem, state, kind, work)?;
+            let size = self.delta_size(system);
+            if self.is_enough(system, problem, state, size, last) {
+                self.advance(system, state, c, 1.0);
+                return Ok(true);
+            }
+            last = size;
+            // The slope of the merit function along the correction is −slope.
+            // Near the solution, rounding of the merit hides it.
+            let (merit, rounding) = self.merit(system, problem, state, state);
+            let mut fraction = 1.0;
+            for _ in 0..MOST_HALVINGS {
+                self.trial.x.copy_from_slice(&state.x);
+                self.trial.v.copy_from_slice(&state.v);
+                let mut trial = std::mem::take(&mut self.trial);
+                self.advance(system, &mut trial, c, fraction);
+                let (new, _) = self.merit(system, problem, &trial, state);
+                self.trial = trial;
+                work.counts.force_evaluations += 1;
+                if new <= merit + rounding - SUFFICIENT * fraction * slope {
+                    break;
+                }
+                fraction *= 0.5;
+            }
+            self.advance(system, state, c, fraction);
+        }
+        Ok(false)
+    }
+
+    /// Linearizes at `state` and solves for the correction; returns its product
+    /// with the residual, in J·s/s.
+    fn direction(
+        &mut self,
+        system: &System,
+        problem: &StageProblem<'_>,
+        state: &State,
+        kind: Iteration,
+        work: &mut Work,
+    ) -> Result<f64, MethodError> {
+        let c = problem.c;
+        let tensions = (kind == Iteration::Filtered).then_some(&*self.tensions);
+        work.counts.newton_iterations += 1;
+        work.counts.force_evaluations += 1;
+        let out = &mut self.linearization;
+        factorize(
+            system,
+            &mut self.cholesky,
+            match kind {
+                Iteration::Clamped => OnDemand::Always,
+                _ => OnDemand::Clamp,
+            },
+            Evaluation {
+                x: &state.x,
+                v: &state.v,
+                projection: Projection::Clamp,
+                tensions,
+                dashpot_tension: true,
+                weights: Weights::of_step(c),
+            },
+            out,
+            work,
+        )?;
+        let n_free = system.n_free();
+        timed(&mut work.phases.assembly, || {
+            system
+                .dashpots()
+                .add_forces(&state.x, &state.v, &mut out.forces);
+        });
+        let delta = &mut self.delta[..n_free];
+        let mut product = 0.0;
+        timed(&mut work.phases.solve, || {
+            let known = problem.momenta.iter().zip(&out.forces);
+            let momenta = system.masses().iter().zip(&state.v);
+            for (((p, f), (m, v)), delta) in known.zip(momenta).zip(&mut *delta) {
+                *delta = p + f * c - v * *m;
+            }
+            // The forces are not needed any more; they keep the residual.
+            out.forces.copy_from_slice(delta);
+            self.cholesky
+                .solve_in_place(bytemuck::cast_slice_mut(delta));
+            product = out.forces.iter().zip(&*delta).map(|(r, d)| r.dot(d)).sum();
+        });
+        work.counts.solves += 1;
+        Ok(product)
+    }
+
+    /// Adds a fraction of the correction.
+    fn advance(&self, system: &System, state: &mut State, c: f64, fraction: f64) {
+        let moving = state.x.iter_mut().zip(&mut state.v);
+        for ((x, v), delta) in moving.zip(&self.delta).take(system.n_free()) {
+            *v += delta * fraction;
+            *x += delta * (fraction * c);
+        }
+    }
+
+    /// T ← K(l − l₀) plus K times the change of length by the correction.
+    fn predict(&mut self, system: &System, state: &State, c: f64) {
+        system
+            .springs()
+            .predict_tensions(&state.x, &self.delta, c, &mut self.tensions);
+    }
+
+    /// What its construction took.
+    pub(crate) fn setup(&self) -> Work {
+        self.setup
+    }
+
+    /// With the factor of the last correction: what is left of a disturbance
+    /// of momenta when the springs have answered.
+    pub(crate) fn filter(&mut self, momenta: &mut [Vector3<f64>], work: &mut Work) {
+        timed(&mut work.phases.solve, || {
+            self.cholesky
+                .solve_in_place(bytemuck::cast_slice_mut(momenta));
+        });
+        work.counts.solves += 1;
+    }
+
+    /// Solves with another matrix, which takes the place of the last one.
+    pub(crate) fn solve_at(
+        &mut self,
+        system: &System,
+        at: Evaluation<'_>,
+        rhs: &mut [Vector3<f64>],
+        work: &mut Work,
+    ) -> Result<(), MethodError> {
+        let (cholesky, out) = (&mut self.cholesky, &mut self.linearization);
+        factorize(system, cholesky, OnDemand::Always, at, out, work)?;
+        self.filter(rhs, work);
+        Ok(())
+    }
+
+    fn delta_size(&self, system: &System) -> f64 {
+        largest(&self.delta[..system.n_free()]).1
+    }
+
+    /// Whether a correction of this size, after one of size `last`, is the last.
+    fn is_enough(
+        &self,
+        system: &System,
+        problem: &StageProblem<'_>,
+        state: &State,
+        size: f64,
+        last: f64,
+    ) -> bool {
+        let enough = self.enough(problem, state, system);
+        size <= enough || (size <= ACCEPTABLE * enough && size >= 0.3 * last)
+    }
+
+    /// The correction, in m/s, from which on the stage is right to rounding:
+    /// relative to the velocities, or to what rounding of the positions does to
+    /// them through the springs. Free of units.
+    fn enough(&self, problem: &StageProblem<'_>, state: &State, system: &System) -> f64 {
+        let c = problem.c;
+        let speed = largest(&state.v[..system.n_free()]).1;
+        let rate = (c * self.frequency_bound * self.frequency_bound).min(1.0 / c);
+        let rounding = WANTED * speed + 8.0 * f64::EPSILON * largest(&state.x).1 * rate;
+        problem
+            .accuracy
+            .map_or(rounding, |accuracy| rounding.max(accuracy / c))
+    }
+
+    /// ½ vᵀM v − pᵀv + V(x) + ½c·(dissipation with the directions of `at`),
+    /// whose slope by v is minus the residual at `at`; and its rounding error.
+    fn merit(
+        &self,
+        system: &System,
+        problem: &StageProblem<'_>,
+        state: &State,
+        at: &State,
+    ) -> (f64, f64) {
+        let energy = system.energy(&state.x, &state.v);
+        let free = problem.momenta.iter().zip(&state.v);
+        let carried: f64 = free.map(|(p, v)| p.dot(v)).sum();
+        let heat = 0.5 * problem.c * system.dashpots().dissipation(&at.x, &state.v);
+        let size = energy.kinetic + energy.elastic + energy.gravity.abs() + carried.abs() + heat;
+        (energy.total() - carried + heat, 1e-13 * size)
+    }
+}
+
+/// Where the largest component of a list of vectors is, and its magnitude; NaN
+/// if there is one.
+pub(crate) fn largest(vectors: &[Vector3<f64>]) -> (usize, f64) {
+    let mut found = (0, 0.0);
+    for (index, vector) in vectors.iter().enumerate() {
+        for component in vector.iter() {
+            if component.is_nan() {
+                return (index, f64::NAN);
+            }
+            if component.abs() > found.1 {
+                found = (index, component.abs());
+            }
+        }
+    }
+    found
+}
+
+/// What becomes of negative across stiffness.
+#[derive(Clone, Copy)]
+pub(crate) enum OnDemand {
+    /// It stays, but is clamped if the matrix turns out indefinite.
+    Clamp,
+    /// Always the projection that is given.
+    Always,
+}
+
+/// Orders and factorizes symbolically, and counts it.
+pub(crate) fn analyze(system: &System, work: &mut Work) -> Result<SparseCholesky, SolveError> {
+    work.counts.symbolic_factorizations += 1;
+    SparseCholesky::analyze(system.n_free(), system.pattern().pairs())
+}
+
+/// Forces and matrix, factorized, with the given treatment of negative across
+/// stiffness; springs that are clamped on demand are counted.
+pub(crate) fn factorize(
+    system: &System,
+    cholesky: &mut SparseCholesky,
+    on_demand: OnDemand,
+    at: Evaluation<'_>,
+    out: &mut Linearization,
+    work: &mut Work,
+) -> Result<(), MethodError> {
+    let mut attempt = |projection, work: &mut Work| {
+        timed(&mut work.phases.assembly, || {
+            system.linearize(&Evaluation { projection, ..at }, out);
+        });
+        work.counts.factorizations += 1;
+        timed(&mut work.phases.factorization, || {
+            cholesky.factorize(out.matrix.diagonal(), out.matrix.off_diagonal())
+        })
+    };
+    let factorized = match on_demand {
+        OnDemand::Always => attempt(at.projection, work),
+        OnDemand::Clamp => attempt(Projection::None, work).or_else(|_| {
+            let clamped = system.springs().count_compressed(at.x, at.tensions);
+            work.counts.clamped_springs += clamped as u64;
+            attempt(Projection::Clamp, work)
+        }),
+    };
+    factorized.map_err(MethodError::of)
+}
