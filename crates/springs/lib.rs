@@ -11,8 +11,8 @@
 //! | [`step`] | `springs-step` | methods, time loop, frames, report |
 //! | [`io`] | `springs-io` | scene files, trajectories, reports |
 //!
-//! and what belongs to no single one of them: [`report`], [`inspect`] and
-//! [`filmstrip`].
+//! and what belongs to no single one of them: [`report`], [`inspect`],
+//! [`filmstrip`] and [`study`].
 //!
 //! ```
 //! use springs::scene::generate::{Material, cloth};
@@ -28,6 +28,7 @@
 pub mod filmstrip;
 pub mod inspect;
 pub mod report;
+pub mod study;
 
 pub use springs_assembly as assembly;
 pub use springs_io as io;

@@ -5,11 +5,14 @@ mod new;
 mod output;
 mod run;
 mod source;
+mod study;
 mod summary;
 
 use clap::{Parser, Subcommand};
 use std::io::Write as _;
 use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Mass-spring simulation.
 #[derive(Parser)]
@@ -25,6 +28,8 @@ enum Command {
     Run(run::RunArguments),
     /// Say what is in a scene, what will be skipped and what looks wrong.
     Check(check::CheckArguments),
+    /// Measure run time against error for a scene, method by method.
+    Study(study::StudyArguments),
     /// Print a scene file: a chain, a cloth or a block.
     New(new::NewArguments),
 }
@@ -63,6 +68,7 @@ pub(crate) fn main() -> ExitCode {
     let ending = match arguments.command {
         Command::Run(arguments) => run::run(&arguments),
         Command::Check(arguments) => check::check(&arguments),
+        Command::Study(arguments) => study::study_command(&arguments),
         Command::New(arguments) => new::new(&arguments),
     };
     match ending {
@@ -85,6 +91,14 @@ fn report_error(error: &anyhow::Error) -> u8 {
         true => EXIT_UNWRITTEN,
         false => EXIT_WRONG,
     }
+}
+
+/// Becomes true when the user presses Ctrl-C.
+fn watch_for_interrupt() -> anyhow::Result<Arc<AtomicBool>> {
+    let interrupted = Arc::new(AtomicBool::new(false));
+    let handler = interrupted.clone();
+    ctrlc::set_handler(move || handler.store(true, Ordering::Relaxed))?;
+    Ok(interrupted)
 }
 
 fn say_error(message: &str) {

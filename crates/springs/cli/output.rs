@@ -23,6 +23,25 @@ const REPORT: &str = "report.json";
 const TRAJECTORY: &str = "trajectory.csv";
 const FILMSTRIP: &str = "filmstrip.svg";
 
+const FILES: [&str; 4] = [SCENE, REPORT, TRAJECTORY, FILMSTRIP];
+
+/// Refuses a folder in which one of the files exists already.
+pub(crate) fn claim(folder: &Path, files: &[&str], force: bool) -> Result<(), Advised> {
+    if folder.exists() && !folder.is_dir() {
+        return Err(Advised {
+            message: format!("{} is in the way of the output folder", folder.display()),
+            advice: Some("choose another folder with --out".to_owned()),
+        });
+    }
+    match files.iter().find(|name| folder.join(name).exists()) {
+        Some(name) if !force => Err(Advised {
+            message: format!("{} holds the {name} of another run", folder.display()),
+            advice: Some("choose another folder with --out, or add --force".to_owned()),
+        }),
+        _ => Ok(()),
+    }
+}
+
 /// The files of one run.
 pub(crate) struct Output {
     folder: PathBuf,
@@ -35,22 +54,7 @@ pub(crate) struct Output {
 impl Output {
     /// Refuses a folder that holds the results of another run.
     pub(crate) fn check(folder: &Path, force: bool) -> Result<(), Advised> {
-        if folder.exists() && !folder.is_dir() {
-            return Err(Advised {
-                message: format!("{} is in the way of the output folder", folder.display()),
-                advice: Some("choose another folder with --out".to_owned()),
-            });
-        }
-        let older = [SCENE, REPORT, TRAJECTORY, FILMSTRIP]
-            .into_iter()
-            .find(|name| folder.join(name).exists());
-        match older {
-            Some(name) if !force => Err(Advised {
-                message: format!("{} holds the {name} of another run", folder.display()),
-                advice: Some("choose another folder with --out, or add --force".to_owned()),
-            }),
-            _ => Ok(()),
-        }
+        claim(folder, &FILES, force)
     }
 
     /// Makes the folder, without older results, and starts the trajectory.
@@ -64,7 +68,7 @@ impl Output {
             source,
         };
         std::fs::create_dir_all(folder).map_err(failed)?;
-        for name in [SCENE, REPORT, TRAJECTORY, FILMSTRIP] {
+        for name in FILES {
             match std::fs::remove_file(folder.join(name)) {
                 Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
                     return Err(failed(error).into());

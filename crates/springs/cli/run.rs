@@ -2,7 +2,7 @@
 
 use super::output::{Extra, Output};
 use super::source::SceneArguments;
-use super::{Ending, Unwritten, say, say_error, summary};
+use super::{Ending, Unwritten, say, say_error, summary, watch_for_interrupt};
 use indicatif::{ProgressBar, ProgressStyle};
 use springs::report::{self, Timings, report};
 use springs::scene::Scene;
@@ -131,13 +131,6 @@ fn last(scene: &Scene, simulation: &Simulation) -> Scene {
     let mut scene = scene.clone();
     simulation.nodes().write_to(&mut scene);
     scene
-}
-
-fn watch_for_interrupt() -> anyhow::Result<Arc<AtomicBool>> {
-    let interrupted = Arc::new(AtomicBool::new(false));
-    let handler = interrupted.clone();
-    ctrlc::set_handler(move || handler.store(true, Ordering::Relaxed))?;
-    Ok(interrupted)
 }
 
 /// Drawn to standard error, and only if that is a terminal. Its length is

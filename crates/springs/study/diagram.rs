@@ -1,0 +1,176 @@
+//! The work-precision diagram.
+
+use super::{Study, Trial};
+use plotters::coord::Shift;
+use plotters::prelude::*;
+
+/// Colours that the colour-blind tell apart (Okabe and Ito), darkest first for
+/// print.
+const COLOURS: [RGBColor; 9] = [
+    RGBColor(0, 0, 0),
+    RGBColor(0, 114, 178),
+    RGBColor(213, 94, 0),
+    RGBColor(0, 158, 115),
+    RGBColor(204, 121, 167),
+    RGBColor(230, 159, 0),
+    RGBColor(86, 180, 233),
+    RGBColor(120, 120, 120),
+    RGBColor(110, 60, 20),
+];
+
+const SIZE: (u32, u32) = (900, 560);
+const LEGEND: u32 = 260;
+const MARK: i32 = 4;
+
+/// Draws run time over error, both logarithmic, a line per method with its
+/// observed order, as SVG. Errors below the uncertainty of the reference are
+/// shaded. Empty if there is nothing to draw.
+pub fn diagram(study: &Study) -> String {
+    let mut svg = String::new();
+    let curves = curves(study);
+    if curves.is_empty() {
+        return svg;
+    }
+    {
+        let root = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
+        draw(study, &curves, &root).expect("drawing into memory");
+        root.present().expect("drawing into memory");
+    }
+    svg
+}
+
+/// The runs of one method, largest error first.
+struct Curve<'a> {
+    method: &'a str,
+    trials: Vec<&'a Trial>,
+}
+
+fn curves(study: &Study) -> Vec<Curve<'_>> {
+    let mut curves: Vec<Curve<'_>> = Vec::new();
+    for trial in &study.trials {
+        match curves.iter_mut().find(|curve| curve.method == trial.method) {
+            Some(curve) => curve.trials.push(trial),
+            None => curves.push(Curve {
+                method: &trial.method,
+                trials: vec![trial],
+            }),
+        }
+    }
+    curves
+}
+
+impl Curve<'_> {
+    /// How fast the error falls with the number of steps: slope of the line of
+    /// least squares through the logarithms, over errors that are told apart.
+    fn observed_order(&self) -> Option<f64> {
+        let told: Vec<(f64, f64)> = self
+            .trials
+            .iter()
+            .filter(|trial| !trial.at_floor && trial.error > 0.0)
+            .map(|trial| ((trial.steps as f64).ln(), trial.error.ln()))
+            .collect();
+        // The coarsest runs are not yet in the range where orders show.
+        let told = &told[told.len().saturating_sub(5)..];
+        if told.len() < 3 {
+            return None;
+        }
+        let n = told.len() as f64;
+        let (sx, sy) = told
+            .iter()
+            .fold((0.0, 0.0), |(sx, sy), (x, y)| (sx + x, sy + y));
+        let (mx, my) = (sx / n, sy / n);
+        let above: f64 = told.iter().map(|(x, y)| (x - mx) * (y - my)).sum();
+        let below: f64 = told.iter().map(|(x, _)| (x - mx).powi(2)).sum();
+        (below > 0.0).then_some(-above / below)
+    }
+}
+
+type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+type DrawResult = Result<(), DrawingAreaErrorKind<std::io::Error>>;
+
+fn draw(study: &Study, curves: &[Curve<'_>], root: &Area<'_>) -> DrawResult {
+    root.fill(&WHITE)?;
+    let (left, right) = root.split_horizontally(SIZE.0 - LEGEND);
+    let all = || curves.iter().flat_map(|curve| &curve.trials);
+    let range = |value: fn(&Trial) -> f64| {
+        let values = all().map(|trial| value(trial).max(1e-300));
+        let (low, high) = values.fold((f64::INFINITY, 0f64), |(low, high), value| {
+            (low.min(value), high.max(value))
+        });
+        low / 2.0..high * 2.0
+    };
+    let (errors, seconds) = (range(|trial| trial.error), range(|trial| trial.seconds));
+    let title = match study.scene.as_str() {
+        "" => "run time against error".to_owned(),
+        name => format!("{name}: run time against error"),
+    };
+    let mut chart = ChartBuilder::on(&left)
+        .caption(title, ("sans-serif", 18))
+        .margin(12)
+        .x_label_area_size(44)
+        .y_label_area_size(64)
+        .build_cartesian_2d(errors.clone().log_scale(), seconds.clone().log_scale())?;
+    let decades = |value: &f64| format!("1e{}", value.log10().round());
+    chart
+        .configure_mesh()
+        .x_desc(format!("error after {} s, m", study.duration))
+        .y_desc("run time, s")
+        .x_label_formatter(&decades)
+        .y_label_formatter(&decades)
+        .light_line_style(RGBColor(240, 240, 240))
+        .bold_line_style(RGBColor(215, 215, 215))
+        .draw()?;
+    let floor = study.reference.uncertainty;
+    if floor > errors.start {
+        let corners = [(errors.start, seconds.start), (floor, seconds.end)];
+        let shade = RGBColor(200, 200, 200).mix(0.5).filled();
+        chart.draw_series([Rectangle::new(corners, shade)])?;
+    }
+    for (index, curve) in curves.iter().enumerate() {
+        let colour = COLOURS[index % COLOURS.len()];
+        let points = || {
+            curve
+                .trials
+                .iter()
+                .map(|trial| (trial.error, trial.seconds))
+        };
+        chart.draw_series(LineSeries::new(points(), colour.stroke_width(2)))?;
+        // The shape of the markers, too, tells the method.
+        match index % 3 {
+            0 => {
+                let dot = |at| Circle::new(at, MARK, colour.filled());
+                chart.draw_series(points().map(dot))?
+            }
+            1 => {
+                let triangle = |at| TriangleMarker::new(at, MARK + 1, colour.filled());
+                chart.draw_series(points().map(triangle))?
+            }
+            _ => {
+                let cross = |at| Cross::new(at, MARK, colour.stroke_width(2));
+                chart.draw_series(points().map(cross))?
+            }
+        };
+    }
+    for (index, curve) in curves.iter().enumerate() {
+        let colour = COLOURS[index % COLOURS.len()];
+        let y = 60 + 24 * index as i32;
+        right.draw(&PathElement::new(
+            vec![(8, y), (36, y)],
+            colour.stroke_width(2),
+        ))?;
+        match index % 3 {
+            0 => right.draw(&Circle::new((22, y), MARK, colour.filled()))?,
+            1 => right.draw(&TriangleMarker::new((22, y), MARK + 1, colour.filled()))?,
+            _ => right.draw(&Cross::new((22, y), MARK, colour.stroke_width(2)))?,
+        }
+        let order = match curve.observed_order() {
+            Some(order) => format!(", order {order:.1}"),
+            None => String::new(),
+        };
+        let text = format!("{}{order}", curve.method);
+        right.draw(&Text::new(text, (44, y - 7), ("sans-serif", 14)))?;
+    }
+    let y = 60 + 24 * curves.len() as i32;
+    let text = format!("shaded: reference uncertain, {floor:.0e} m");
+    right.draw(&Text::new(text, (8, y), ("sans-serif", 12)))
+}
