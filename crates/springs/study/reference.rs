@@ -53,6 +53,7 @@ pub(super) fn make(
         let explicit_works = explicit.len() > 1;
         let (share, solutions) = match method {
             Method::Dop853 => (0.5 * SHARE, &mut explicit),
+            _ if explicit_works => (0.7 * SHARE, &mut implicit),
             _ => (SHARE, &mut implicit),
         };
         // Where the explicit method can be run, the other one is only a check.
