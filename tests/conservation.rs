@@ -67,15 +67,21 @@ fn momentum_is_kept_with_dashpots() {
 /// ripple.
 #[test]
 fn energy_never_rises_without_gravity() {
-    for tangent in [Tangent::Clamped, Tangent::Absolute] {
-        for seed in 0..4 {
-            let scene = with(
-                &free_tangle(seed),
-                Method::LinearlyImplicitEuler,
-                Some(tangent),
-                0.02,
-            );
-            assert_energy_falls(&scene, 300, 0.0);
+    for seed in 0..4 {
+        let scene = free_tangle(seed);
+        let euler = Method::LinearlyImplicitEuler;
+        for tangent in [Tangent::Clamped, Tangent::Absolute] {
+            for h in [0.02, 0.1] {
+                assert_energy_falls(&with(&scene, euler, Some(tangent), h), 300, 0.0);
+            }
+        }
+        // The others may leave out stiffness that is there, and then only do so
+        // while steps are short for the vibrations.
+        for tangent in [Tangent::Exact, Tangent::Filtered, Tangent::Material] {
+            assert_energy_falls(&with(&scene, euler, Some(tangent), 1e-3), 1000, 0.0);
+        }
+        for h in [0.02, 0.1] {
+            assert_energy_falls(&with(&scene, Method::ImplicitEuler, None, h), 300, 0.0);
         }
     }
     for tangent in [Tangent::Exact, Tangent::Clamped, Tangent::Absolute] {

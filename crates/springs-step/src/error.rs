@@ -101,7 +101,7 @@ impl MethodError {
 
 /// A step could not be made.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error("{cause} at node {node} in step {step} of {step_size} s at time {time} s")]
+#[error("{cause} at node {node} in step {step} of {step_size:?} s at time {time:?} s")]
 pub struct StepError {
     /// What went wrong.
     pub cause: Cause,

@@ -65,6 +65,9 @@ enum Schedule {
     Adaptive(Controller),
 }
 
+/// Steps shorter than this part of the duration lead nowhere.
+const SMALLEST_STEP: f64 = 1e-14;
+
 /// Methods of at least this order need more than a polynomial between steps.
 const HIGH_ORDER: u32 = 4;
 
@@ -225,7 +228,8 @@ impl Simulation {
         loop {
             let interval = next_interval(start, self.duration, controller.step_size());
             let attempt = self.stepper.attempt(&self.nodes, interval, &mut self.work);
-            let too_small = interval.start + 0.1 * interval.size == interval.start;
+            let too_small = interval.size < SMALLEST_STEP * self.duration
+                || interval.start + 0.1 * interval.size == interval.start;
             match attempt {
                 Err(error) if too_small => return Err(error),
                 Err(_) => controller.fail(interval.size),
