@@ -1,6 +1,6 @@
 //! Implicit Euler, converged.
 
-use crate::stage::{Stage, StageProblem};
+use crate::stage::{Stage, StageProblem, Tensions, momenta_of};
 use crate::{Anchors, ErrorEstimate, Interval, Method, MethodError, Quadrature, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::System;
@@ -14,41 +14,6 @@ pub struct ImplicitEuler {
     stage: Stage,
     momenta: Vec<Vector3<f64>>,
     tensions: Tensions,
-}
-
-/// Tensions of all springs as first guesses of Newton's method, at the start of
-/// a step and at its end.
-pub(crate) struct Tensions {
-    pub(crate) start: Vec<f64>,
-    pub(crate) end: Vec<f64>,
-    are_known: bool,
-}
-
-impl Tensions {
-    pub(crate) fn new(system: &System) -> Self {
-        Self {
-            start: vec![0.0; system.springs().len()],
-            end: vec![0.0; system.springs().len()],
-            are_known: false,
-        }
-    }
-
-    pub(crate) fn forget(&mut self) {
-        self.are_known = false;
-    }
-
-    /// Begins a step at the given positions; `end` is then the guess.
-    pub(crate) fn begin(&mut self, system: &System, x: &[Vector3<f64>]) {
-        if !self.are_known {
-            system.springs().tensions(x, &mut self.start);
-            self.are_known = true;
-        }
-        self.end.copy_from_slice(&self.start);
-    }
-
-    pub(crate) fn accept(&mut self) {
-        std::mem::swap(&mut self.start, &mut self.end);
-    }
 }
 
 impl ImplicitEuler {
@@ -88,10 +53,7 @@ impl Method for ImplicitEuler {
         work: &mut Work,
     ) -> Result<Option<ErrorEstimate>, MethodError> {
         self.tensions.begin(system, &state.x);
-        let momenta = system.masses().iter().zip(&state.v);
-        for (p, (m, v)) in self.momenta.iter_mut().zip(momenta) {
-            *p = v * *m;
-        }
+        momenta_of(system, &state.v, &mut self.momenta);
         anchors.place(interval.end, &mut state.x);
         let problem = StageProblem {
             c: interval.size,

@@ -1,7 +1,6 @@
 //! Implicit midpoint, converged.
 
-use crate::implicit_euler::Tensions;
-use crate::stage::{Stage, StageProblem};
+use crate::stage::{Stage, StageProblem, Tensions, momenta_of};
 use crate::{Anchors, ErrorEstimate, Interval, Method, MethodError, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::System;
@@ -60,10 +59,7 @@ impl Method for ImplicitMidpoint {
         self.tensions.begin(system, &state.x);
         self.before.x.copy_from_slice(&state.x);
         self.before.v.copy_from_slice(&state.v);
-        let momenta = system.masses().iter().zip(&state.v);
-        for (p, (m, v)) in self.momenta.iter_mut().zip(momenta) {
-            *p = v * *m;
-        }
+        momenta_of(system, &state.v, &mut self.momenta);
         let half = 0.5 * interval.size;
         anchors.place(interval.start + half, &mut state.x);
         let problem = StageProblem {

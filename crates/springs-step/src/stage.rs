@@ -96,7 +96,7 @@ impl Stage {
         for _ in 0..ROUNDS {
             self.start.x.copy_from_slice(&state.x);
             self.start.v.copy_from_slice(&state.v);
-            if self.filtered(system, problem, state, work)? {
+            if self.filtered(system, problem, state, work) {
                 tensions.copy_from_slice(&self.tensions);
                 return Ok(());
             }
@@ -115,26 +115,30 @@ impl Stage {
         })
     }
 
-    /// Newton with filtered tensions; says whether it converged.
+    /// Newton with filtered tensions; says whether it converged. A matrix that
+    /// cannot be factorized ends it like any other failure.
     fn filtered(
         &mut self,
         system: &System,
         problem: &StageProblem<'_>,
         state: &mut State,
         work: &mut Work,
-    ) -> Result<bool, MethodError> {
+    ) -> bool {
         let mut last = f64::INFINITY;
         for _ in 0..FILTERED_ITERATIONS {
-            self.direction(system, problem, state, Iteration::Filtered, work)?;
+            let direction = self.direction(system, problem, state, Iteration::Filtered, work);
+            if direction.is_err() {
+                return false;
+            }
             self.predict(system, state, problem.c);
             self.advance(system, state, problem.c, 1.0);
             let size = self.delta_size(system);
             if self.is_enough(system, problem, state, size, last) {
-                return Ok(true);
+                return true;
             }
             last = size;
         }
-        Ok(false)
+        false
     }
 
     /// Newton on the velocities with Armijo's rule; says whether it converged.
@@ -182,7 +186,7 @@ impl Stage {
     }
 
     /// Linearizes at `state` and solves for the correction; returns its product
-    /// with the residual, in J·s/s.
+    /// with the residual, in J.
     fn direction(
         &mut self,
         system: &System,
@@ -328,6 +332,48 @@ impl Stage {
         let heat = 0.5 * problem.c * system.dashpots().dissipation(&at.x, &state.v);
         let size = energy.kinetic + energy.elastic + energy.gravity.abs() + carried.abs() + heat;
         (energy.total() - carried + heat, 1e-13 * size)
+    }
+}
+
+/// Tensions of all springs as first guesses of Newton's method, at the start of
+/// a step and at its end.
+pub(crate) struct Tensions {
+    pub(crate) start: Vec<f64>,
+    pub(crate) end: Vec<f64>,
+    are_known: bool,
+}
+
+impl Tensions {
+    pub(crate) fn new(system: &System) -> Self {
+        Self {
+            start: vec![0.0; system.springs().len()],
+            end: vec![0.0; system.springs().len()],
+            are_known: false,
+        }
+    }
+
+    pub(crate) fn forget(&mut self) {
+        self.are_known = false;
+    }
+
+    /// Begins a step at the given positions; `end` is then the guess.
+    pub(crate) fn begin(&mut self, system: &System, x: &[Vector3<f64>]) {
+        if !self.are_known {
+            system.springs().tensions(x, &mut self.start);
+            self.are_known = true;
+        }
+        self.end.copy_from_slice(&self.start);
+    }
+
+    pub(crate) fn accept(&mut self) {
+        std::mem::swap(&mut self.start, &mut self.end);
+    }
+}
+
+/// M v of the free blocks, in kg·m/s.
+pub(crate) fn momenta_of(system: &System, v: &[Vector3<f64>], momenta: &mut [Vector3<f64>]) {
+    for (p, (m, v)) in momenta.iter_mut().zip(system.masses().iter().zip(v)) {
+        *p = v * *m;
     }
 }
 

@@ -1,8 +1,7 @@
 //! TR-BDF2: a trapezoidal stage, then a backward difference stage.
 
-use crate::implicit_euler::Tensions;
 use crate::method::time_scale;
-use crate::stage::{Stage, StageProblem, largest};
+use crate::stage::{Stage, StageProblem, Tensions, largest};
 use crate::{Anchors, ErrorEstimate, Interval, Method, MethodError, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::{Evaluation, Projection, System, Weights};
