@@ -13,9 +13,10 @@ use springs_solver::SparseCholesky;
 ///
 /// Order 2, linearly implicit, one factorization and one solution a step:
 /// stiff vibrations are slowed down instead of resolved, so that steps may be
-/// far above their period. Linear and angular momentum are kept to rounding,
-/// since the filter commutes with rigid motions. α = 0.3: ¼ would do for one
-/// linear spring, but blows up when very stiff springs turn.
+/// far above their period. Linear momentum is kept to rounding, since the
+/// filter leaves uniform motion alone; angular momentum only nearly, because
+/// the across part of S turns neighbours against each other. α = 0.3: ¼ would
+/// do for one linear spring, but blows up when very stiff springs turn.
 pub struct FilteredLeapfrog {
     cholesky: SparseCholesky,
     setup: Work,
