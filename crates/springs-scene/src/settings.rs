@@ -126,6 +126,8 @@ named! {
         Dop853 = "dop853",
         /// Kick–drift–kick with kicks through a stiffness matrix; order 2.
         FilteredLeapfrog = "filtered-leapfrog",
+        /// Linearly implicit Rosenbrock method; order 4, L-stable.
+        Rodas4 = "rodas4",
     }
 }
 

@@ -5,6 +5,7 @@ use crate::doubling::Doubling;
 use crate::filtered_leapfrog::FilteredLeapfrog;
 use crate::implicit_euler::ImplicitEuler;
 use crate::implicit_midpoint::ImplicitMidpoint;
+use crate::rodas4::Rodas4;
 use crate::tr_bdf2::TrBdf2;
 use crate::{LinearlyImplicitEuler, Method, SetupError, Splitting};
 use springs_assembly::System;
@@ -85,24 +86,25 @@ pub fn choose(scene: &Scene, system: &System) -> Result<Choice, SetupError> {
 
 /// Refuses what a method cannot treat.
 fn refuse(scene: &Scene, system: &System, method: scene::Method) -> Result<(), SetupError> {
-    let explicit = matches!(
+    let divides_by_mass = matches!(
         method,
         scene::Method::VelocityVerlet
             | scene::Method::BlanesMoan4
             | scene::Method::BlanesMoan6
             | scene::Method::Dop853
+            | scene::Method::Rodas4
     );
     let massless = system.masses().iter().position(|&mass| mass == 0.0);
-    if let (true, Some(block)) = (explicit, massless) {
+    if let (true, Some(block)) = (divides_by_mass, massless) {
         let node = system.numbering().node(block);
         return Err(SetupError::Massless { node, method });
     }
-    let composition = matches!(
+    let without_dashpots = matches!(
         method,
-        scene::Method::BlanesMoan4 | scene::Method::BlanesMoan6
+        scene::Method::BlanesMoan4 | scene::Method::BlanesMoan6 | scene::Method::Rodas4
     );
     let damped = scene.springs.iter().position(|spring| spring.damping > 0.0);
-    if let (true, Some(spring)) = (composition, damped) {
+    if let (true, Some(spring)) = (without_dashpots, damped) {
         return Err(SetupError::VelocityDependent { spring, method });
     }
     Ok(())
@@ -220,6 +222,7 @@ impl Choice {
             scene::Method::BlanesMoan4 => Box::new(Splitting::blanes_moan_4(system)),
             scene::Method::BlanesMoan6 => Box::new(Splitting::blanes_moan_6(system)),
             scene::Method::FilteredLeapfrog => Box::new(FilteredLeapfrog::new(system)?),
+            scene::Method::Rodas4 => return Ok(Box::new(Rodas4::new(system)?)),
             scene::Method::Dop853 => return Ok(Box::new(Dop853::new(system))),
             scene::Method::TrBdf2 => {
                 let method = TrBdf2::new(system)?;
@@ -244,6 +247,7 @@ impl Choice {
                 | scene::Method::ImplicitMidpoint
                 | scene::Method::TrBdf2
                 | scene::Method::FilteredLeapfrog
+                | scene::Method::Rodas4
         )
     }
 }

@@ -14,7 +14,7 @@ pub enum SetupError {
     /// The matrix cannot be analyzed.
     #[error(transparent)]
     Solver(#[from] SolveError),
-    /// An explicit method divides by the mass of every node.
+    /// The method divides by the mass of every node.
     #[error("node {node} has no mass, which {method} cannot move")]
     Massless {
         /// The node.
@@ -28,8 +28,8 @@ pub enum SetupError {
         /// The method.
         method: Method,
     },
-    /// A composition of kicks and drifts is exact only for forces that do not
-    /// depend on velocities.
+    /// The method is of its order only for forces that do not depend on
+    /// velocities.
     #[error("{method} cannot treat dashpots, and spring {spring} has one")]
     VelocityDependent {
         /// The first spring with a dashpot.

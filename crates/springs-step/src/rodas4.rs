@@ -1,0 +1,211 @@
+//! RODAS4: a Rosenbrock method of order 4.
+
+use crate::method::time_scale;
+use crate::stage::{OnDemand, analyze, factorize, largest};
+use crate::work::timed;
+use crate::{Anchors, ErrorEstimate, Interval, Method, MethodError, State, Work};
+use nalgebra::Vector3;
+use springs_assembly::{Evaluation, Linearization, Projection, System, Weights};
+use springs_solver::{SolveError, SparseCholesky};
+
+/// Order 4 with an embedded result of order 3, L-stable, linearly implicit: one
+/// factorization and six solutions a step (Hairer and Wanner: Solving Ordinary
+/// Differential Equations II, 1996, IV.7; coefficients of their code RODAS).
+///
+/// For tight error at moderate stiffness; at extreme stiffness its order drops.
+/// The method needs the exact Jacobian. So it does not treat dashpots, whose
+/// Jacobian is not symmetric, and where the matrix is not positive definite a
+/// step fails; with a tolerance a shorter one is then tried.
+pub struct Rodas4 {
+    cholesky: SparseCholesky,
+    setup: Work,
+    linearization: Linearization,
+    /// u of each stage: of positions and of velocities, free blocks.
+    stages: [Slopes; STAGES],
+    /// Where the stage is evaluated.
+    stage: State,
+    forces: Vec<Vector3<f64>>,
+    /// ∂f/∂t by moving anchors, in N/s.
+    drift: Vec<Vector3<f64>>,
+}
+
+#[derive(Clone)]
+struct Slopes {
+    x: Vec<Vector3<f64>>,
+    v: Vec<Vector3<f64>>,
+}
+
+const STAGES: usize = 6;
+const GAMMA: f64 = 0.25;
+const ALPHA: [f64; STAGES] = [0.0, 0.386, 0.21, 0.63, 1.0, 1.0];
+const GAMMAS: [f64; STAGES] = [0.25, -0.1043, 0.1035, -0.0362, 0.0, 0.0];
+const A5: [f64; 4] = [
+    1.221224509226641,
+    6.019134481288629,
+    12.53708332932087,
+    -0.687886036105895,
+];
+const A: [&[f64]; STAGES] = [
+    &[],
+    &[1.544],
+    &[0.9466785280815826, 0.2557011698983284],
+    &[3.314825187068521, 2.896124015972201, 0.9986419139977817],
+    &A5,
+    &[A5[0], A5[1], A5[2], A5[3], 1.0],
+];
+const C: [&[f64]; STAGES] = [
+    &[],
+    &[-5.6688],
+    &[-2.430093356833875, -0.2063599157091915],
+    &[-0.1073529058151375, -9.594562251023355, -20.47028614809616],
+    &[
+        7.496443313967647,
+        -10.24680431464352,
+        -33.99990352819905,
+        11.7089089320616,
+    ],
+    &[
+        8.083246795921522,
+        -7.981132988064893,
+        -31.52159432874371,
+        16.31930543123136,
+        -6.058818238834054,
+    ],
+];
+
+impl Rodas4 {
+    /// Allocates the workspace and factorizes symbolically.
+    ///
+    /// # Errors
+    ///
+    /// If the factor cannot be stored.
+    pub fn new(system: &System) -> Result<Self, SolveError> {
+        let mut setup = Work::default();
+        let zeros = vec![Vector3::zeros(); system.n_free()];
+        let slopes = Slopes {
+            x: zeros.clone(),
+            v: zeros.clone(),
+        };
+        Ok(Self {
+            cholesky: analyze(system, &mut setup)?,
+            setup,
+            linearization: system.linearization(),
+            stages: std::array::from_fn(|_| slopes.clone()),
+            stage: State::initial(system),
+            forces: zeros.clone(),
+            drift: zeros,
+        })
+    }
+
+    /// Σ weight·u over the earlier stages, of one block.
+    fn sum(&self, weights: &[f64], block: usize) -> (Vector3<f64>, Vector3<f64>) {
+        let mut sums = (Vector3::zeros(), Vector3::zeros());
+        for (weight, stage) in weights.iter().zip(&self.stages) {
+            sums.0 += stage.x[block] * *weight;
+            sums.1 += stage.v[block] * *weight;
+        }
+        sums
+    }
+
+    /// Solves (1/(hγ) − J) u = r for one stage, where r stands in its slopes.
+    ///
+    /// With J = [[0, 1], [−M⁻¹H, 0]] the velocities drop out:
+    /// (M + (hγ)²H) u_x = hγ M(r_x + hγ r_v), u_v = u_x/(hγ) − r_x.
+    fn solve(&mut self, system: &System, stage: usize, h: f64, work: &mut Work) {
+        let c = GAMMA * h;
+        let slopes = &mut self.stages[stage];
+        timed(&mut work.phases.solve, || {
+            let known = system.masses().iter().zip(&slopes.x).zip(&slopes.v);
+            for (rhs, ((m, rx), rv)) in self.forces.iter_mut().zip(known) {
+                *rhs = (rx + rv * c) * (c * m);
+            }
+            self.cholesky
+                .solve_in_place(bytemuck::cast_slice_mut(&mut self.forces));
+            for ((x, v), solved) in slopes.x.iter_mut().zip(&mut slopes.v).zip(&self.forces) {
+                *v = solved / c - *x;
+                *x = *solved;
+            }
+        });
+        work.counts.solves += 1;
+    }
+}
+
+impl Method for Rodas4 {
+    fn order(&self) -> u32 {
+        4
+    }
+
+    fn setup(&self) -> Work {
+        self.setup
+    }
+
+    fn restart(&mut self) {}
+
+    fn step(
+        &mut self,
+        system: &System,
+        anchors: &Anchors,
+        interval: Interval,
+        state: &mut State,
+        work: &mut Work,
+    ) -> Result<Option<ErrorEstimate>, MethodError> {
+        let (h, n_free) = (interval.size, system.n_free());
+        let c = GAMMA * h;
+        let at = Evaluation {
+            x: &state.x,
+            v: &state.v,
+            projection: Projection::None,
+            tensions: None,
+            dashpot_tension: false,
+            weights: Weights::of_step(c),
+        };
+        let (cholesky, out) = (&mut self.cholesky, &mut self.linearization);
+        factorize(system, cholesky, OnDemand::Always, at, out, work)?;
+        work.counts.force_evaluations += 1;
+        // The load of the anchors is −(hγ)²H v over them.
+        for (drift, load) in self.drift.iter_mut().zip(&out.anchor_load) {
+            *drift = load / (c * c);
+        }
+        self.stage.v.copy_from_slice(&state.v);
+        for stage in 0..STAGES {
+            for block in 0..n_free {
+                let (dx, dv) = self.sum(A[stage], block);
+                self.stage.x[block] = state.x[block] + dx;
+                self.stage.v[block] = state.v[block] + dv;
+            }
+            self.stage.x[n_free..].copy_from_slice(&state.x[n_free..]);
+            anchors.place(interval.start + ALPHA[stage] * h, &mut self.stage.x);
+            timed(&mut work.phases.assembly, || {
+                system.forces(&self.stage.x, &self.stage.v, &mut self.forces);
+            });
+            work.counts.force_evaluations += u64::from(stage > 0);
+            for block in 0..n_free {
+                let (cx, cv) = self.sum(C[stage], block);
+                let force = self.forces[block] + self.drift[block] * (GAMMAS[stage] * h);
+                self.stages[stage].x[block] = self.stage.v[block] + cx / h;
+                self.stages[stage].v[block] = force / system.masses()[block] + cv / h;
+            }
+            self.solve(system, stage, h, work);
+        }
+        // The last stage was evaluated at the embedded result; its u leads on
+        // to the result, and is the estimate of the error.
+        let (mut speed, mut change) = (0f64, 0f64);
+        for block in 0..n_free {
+            let v = self.stage.v[block] + self.stages[STAGES - 1].v[block];
+            change = change.max((v - state.v[block]).amax());
+            speed = speed.max(v.amax());
+            state.x[block] = self.stage.x[block] + self.stages[STAGES - 1].x[block];
+            state.v[block] = v;
+        }
+        anchors.place(interval.end, &mut state.x);
+        let last = &self.stages[STAGES - 1];
+        let ((block, of_x), (_, of_v)) = (largest(&last.x), largest(&last.v));
+        Ok(Some(ErrorEstimate {
+            rate: (of_x + time_scale(speed, change / h, h) * of_v) / h,
+            exponent: 3.0,
+            block,
+        }))
+    }
+
+    fn accept(&mut self) {}
+}
