@@ -209,6 +209,27 @@ fn results_are_not_overwritten() {
 }
 
 #[test]
+fn a_method_on_the_command_line_takes_no_tangent_from_the_file() {
+    let desk = Desk::new();
+    desk.scene("chain.ron", "chain 3 --duration 0.1");
+    let text = desk
+        .read("chain.ron")
+        .replace("step:", "tangent: Filtered, step:");
+    std::fs::write(desk.path("chain.ron"), text).unwrap();
+    desk.expect(0, "run chain.ron --quiet");
+    assert_eq!(desk.report("chain")["tangent"], "filtered");
+    desk.expect(0, "run chain.ron --quiet --force --method tr-bdf2");
+    assert_eq!(desk.report("chain")["tangent"], Value::Null);
+    desk.expect(0, "run chain.ron --force --method auto --tolerance 1e-3");
+    assert!(
+        desk.report("chain")["reason"]
+            .as_str()
+            .unwrap()
+            .contains("steps cost less")
+    );
+}
+
+#[test]
 fn quiet_means_silent() {
     let desk = Desk::new();
     desk.scene("chain.ron", "chain 3 --duration 0.1");

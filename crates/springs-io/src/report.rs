@@ -92,7 +92,9 @@ pub struct EnergyReport {
     pub anchor_work: f64,
     /// Heat of dashpots.
     pub dashpot_heat: f64,
-    /// The rest: gain of the method itself, negative for a loss.
+    /// The rest: gain of the method itself, negative for a loss. Heat and work
+    /// are integrated from step ends, to order 2 at most; what that misses is
+    /// in here, too.
     pub method_gain: f64,
 }
 

@@ -61,7 +61,8 @@ impl Ledger {
     }
 
     /// What is left of the change to `end` after heat and work: the gain (or,
-    /// if negative, the loss) of the method itself, in J.
+    /// if negative, the loss) of the method itself, in J. It includes what the
+    /// ledger's own integrals over a step miss.
     pub fn method_gain(&self, end: &Energy) -> f64 {
         end.total() - self.start.total() + self.dashpot_heat - self.anchor_work
     }

@@ -61,7 +61,11 @@ impl SceneArguments {
         let text = text.map_err(advised)?;
         let mut scene = parse_scene(&file, &text).map_err(advised)?;
         let settings = &mut scene.settings;
-        settings.method = self.method.unwrap_or(settings.method);
+        if let Some(method) = self.method {
+            // The tangent in the file was meant for the method there.
+            settings.method = method;
+            settings.tangent = None;
+        }
         settings.tangent = self.tangent.or(settings.tangent);
         settings.duration = self.duration.unwrap_or(settings.duration);
         if let Some(step) = self.step {

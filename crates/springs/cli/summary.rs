@@ -40,6 +40,9 @@ pub(crate) fn summary(scene: &Scene, report: &Report, folder: &Path, written: &[
         count(report.steps as usize, "step"),
         report.method,
     ));
+    if let Some(reason) = &report.reason {
+        lines.push(format!("  chosen because {reason}"));
+    }
     let seconds = &report.seconds;
     let parts = [
         ("setup", seconds.setup),
