@@ -42,6 +42,16 @@ pub(crate) fn claim(folder: &Path, files: &[&str], force: bool) -> Result<(), Ad
     }
 }
 
+/// Makes the folder if it is not there.
+pub(crate) fn make_folder(folder: &Path) -> Result<(), Unwritten> {
+    Ok(
+        std::fs::create_dir_all(folder).map_err(|source| WriteError {
+            path: folder.to_owned(),
+            source,
+        })?,
+    )
+}
+
 /// The files of one run.
 pub(crate) struct Output {
     folder: PathBuf,
@@ -67,7 +77,7 @@ impl Output {
             path: folder.to_owned(),
             source,
         };
-        std::fs::create_dir_all(folder).map_err(failed)?;
+        make_folder(folder)?;
         for name in FILES {
             match std::fs::remove_file(folder.join(name)) {
                 Err(error) if error.kind() != std::io::ErrorKind::NotFound => {

@@ -1,6 +1,6 @@
 //! `springs study`: run time against error for a scene.
 
-use super::output::claim;
+use super::output::{claim, make_folder};
 use super::source::SceneArguments;
 use super::{Advised, Ending, Unwritten, say, say_error, watch_for_interrupt};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -97,7 +97,7 @@ pub(crate) fn study_command(arguments: &StudyArguments) -> anyhow::Result<Ending
         }
     };
 
-    std::fs::create_dir_all(&folder)?;
+    make_folder(&folder)?;
     let write = |name: &str, text: &str| -> Result<(), Unwritten> {
         Ok(write_whole(&folder.join(name), text.as_bytes())?)
     };
