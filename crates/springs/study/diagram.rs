@@ -110,7 +110,7 @@ fn draw(study: &Study, curves: &[Curve<'_>], root: &Area<'_>) -> DrawResult {
         .x_label_area_size(44)
         .y_label_area_size(64)
         .build_cartesian_2d(errors.clone().log_scale(), seconds.clone().log_scale())?;
-    let decades = |value: &f64| format!("1e{}", value.log10().round() as i32);
+    let decades = |value: &f64| format!("{value:.0e}");
     chart
         .configure_mesh()
         .x_desc(format!("error after {} s, m", study.duration))
