@@ -4,9 +4,9 @@ use super::{Study, Trial};
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
-/// Colours that the colour-blind tell apart (Okabe and Ito), darkest first for
-/// print.
-const COLOURS: [RGBColor; 9] = [
+/// Colours that the colour-blind tell apart (after Okabe and Ito), darkest first
+/// for print.
+const COLOURS: [RGBColor; 10] = [
     RGBColor(0, 0, 0),
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
@@ -16,6 +16,7 @@ const COLOURS: [RGBColor; 9] = [
     RGBColor(86, 180, 233),
     RGBColor(120, 120, 120),
     RGBColor(110, 60, 20),
+    RGBColor(150, 150, 0),
 ];
 
 const SIZE: (u32, u32) = (900, 560);
