@@ -3,9 +3,11 @@
 // Every test binary takes what it needs.
 #![allow(dead_code, unreachable_pub)]
 
+pub mod moving;
+
 use nalgebra::Vector3;
 use springs::scene::{Method, Node, Scene, Spring, StepControl, Tangent};
-use springs::step::{NodeStates, Stepper};
+use springs::step::{NodeStates, Simulation, Stepper};
 
 /// Numbers in [0, 1) that are the same everywhere (xorshift64*).
 pub struct Random(pub u64);
@@ -93,6 +95,36 @@ pub fn after(scene: &Scene, steps: usize) -> NodeStates {
         stepper.step(&mut nodes, h).expect("a step");
     }
     nodes
+}
+
+/// Positions at the end of a run with a tolerance in m.
+pub fn solved(scene: &Scene, method: Method, tolerance: f64) -> Vec<Vector3<f64>> {
+    let mut scene = scene.clone();
+    scene.settings.method = method;
+    scene.settings.step = StepControl::Tolerance(tolerance);
+    let mut simulation = Simulation::new(&scene).expect("a scene that the method can move");
+    simulation.run(1, &mut ()).expect("a run");
+    simulation.nodes().positions.clone()
+}
+
+/// A solution to measure errors against, and how far it can be trusted, in m.
+pub fn reference(scene: &Scene) -> (Vec<Vector3<f64>>, f64) {
+    let [best, other] = [1e-11, 1e-10].map(|tolerance| solved(scene, Method::Dop853, tolerance));
+    let trusted = distance(&best, &other);
+    (best, trusted)
+}
+
+/// How many times larger a small disturbance of velocities is at the end than
+/// it would be in free flight: what no estimate of single steps can know.
+pub fn growth(scene: &Scene, reference: &[Vector3<f64>]) -> f64 {
+    const DISTURBANCE: f64 = 1e-6;
+    let mut random = Random(7);
+    let mut disturbed = scene.clone();
+    for node in disturbed.nodes.iter_mut().filter(|node| !node.fixed) {
+        node.velocity += random.vector(DISTURBANCE);
+    }
+    let apart = distance(&solved(&disturbed, Method::Dop853, 1e-10), reference);
+    apart / (DISTURBANCE * scene.settings.duration)
 }
 
 /// Largest difference of two lists of vectors.

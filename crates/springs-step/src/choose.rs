@@ -29,6 +29,8 @@ pub struct Choice {
     pub tangent: Option<Tangent>,
     /// How steps are chosen.
     pub pace: Pace,
+    /// Simulated time, in s, that a tolerance is shared out over.
+    pub duration: f64,
     /// Why, where the settings left it open; else empty.
     pub reason: String,
 }
@@ -80,6 +82,7 @@ pub fn choose(scene: &Scene, system: &System) -> Result<Choice, SetupError> {
         method,
         tangent,
         pace,
+        duration: settings.duration,
         reason,
     })
 }
@@ -228,7 +231,9 @@ impl Choice {
                 let method = TrBdf2::new(system)?;
                 return Ok(Box::new(match self.pace {
                     Pace::Fixed(_) => method,
-                    Pace::Tolerance(tolerance) => method.with_accuracy(STAGE_ACCURACY * tolerance),
+                    Pace::Tolerance(tolerance) => {
+                        method.with_accuracy(STAGE_ACCURACY * tolerance / self.duration)
+                    }
                 }));
             }
         };
@@ -252,5 +257,5 @@ impl Choice {
     }
 }
 
-/// Stages are solved to this fraction of the tolerance of the whole run.
-const STAGE_ACCURACY: f64 = 1e-4;
+/// The part of the tolerance that stages may be off by.
+const STAGE_ACCURACY: f64 = 0.03;

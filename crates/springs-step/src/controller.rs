@@ -25,6 +25,7 @@ pub(crate) enum Verdict {
 }
 
 const SAFETY: f64 = 0.85;
+const CLEAR: f64 = 0.1;
 const LARGEST_GROWTH: f64 = 5.0;
 const SMALLEST_SHRINKAGE: f64 = 0.1;
 
@@ -45,9 +46,11 @@ impl Controller {
         self.step_size
     }
 
-    /// Whether a step with this estimate would be accepted.
-    pub(crate) fn allows(&self, estimate: ErrorEstimate) -> bool {
-        estimate.rate <= self.allowed_rate
+    /// Whether the estimate is so low that a sharper one is not worth having.
+    /// Far below what is accepted: else the step would settle where this one is
+    /// just good enough, and never learn that it could be longer.
+    pub(crate) fn is_clear(&self, estimate: ErrorEstimate) -> bool {
+        estimate.rate <= CLEAR * self.allowed_rate
     }
 
     /// Judges a step of size `h`, which may be shorter than the one proposed.

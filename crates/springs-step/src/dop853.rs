@@ -135,11 +135,12 @@ impl Method for Dop853 {
         }
         anchors.place(interval.end, &mut state.x);
         let (block, error) = self.estimate(h, time_scale(speed, change, h));
-        Ok(Some(ErrorEstimate {
+        let estimate = ErrorEstimate {
             rate: error / h,
             exponent: 7.0,
             block,
-        }))
+        };
+        Ok(Some(estimate.of_better_result(speed)))
     }
 
     fn accept(&mut self) {

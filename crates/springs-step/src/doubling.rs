@@ -1,6 +1,8 @@
 //! Error control for methods without an estimate of their own.
 
+use crate::stage::largest;
 use crate::{Anchors, ErrorEstimate, Interval, Method, MethodError, Quadrature, State, Work};
+use nalgebra::Vector3;
 use springs_assembly::System;
 
 /// Any method, made to estimate its error: each step is made once as a whole
@@ -10,6 +12,14 @@ use springs_assembly::System;
 pub struct Doubling {
     method: Box<dyn Method>,
     whole: State,
+    /// Hidden state is that at the start of the step.
+    is_fresh: bool,
+    /// Estimated errors of velocities of the last step, as momenta.
+    errors: Vec<Vector3<f64>>,
+    /// Of positions, in m, and where.
+    error_of_positions: f64,
+    block: usize,
+    step_size: f64,
 }
 
 impl Doubling {
@@ -18,6 +28,19 @@ impl Doubling {
         Self {
             method,
             whole: State::initial(system),
+            is_fresh: true,
+            errors: vec![Vector3::zeros(); system.n_free()],
+            error_of_positions: 0.0,
+            block: 0,
+            step_size: 0.0,
+        }
+    }
+
+    fn estimate(&self, error: f64) -> ErrorEstimate {
+        ErrorEstimate {
+            rate: error / self.step_size,
+            exponent: f64::from(self.order()),
+            block: self.block,
         }
     }
 }
@@ -33,6 +56,7 @@ impl Method for Doubling {
 
     fn restart(&mut self) {
         self.method.restart();
+        self.is_fresh = true;
     }
 
     fn step(
@@ -47,9 +71,10 @@ impl Method for Doubling {
         let middle = interval.start + 0.5 * h;
         self.whole.x.copy_from_slice(&state.x);
         self.whole.v.copy_from_slice(&state.v);
-        // The first half is taken back if the whole step is, so hidden state
-        // cannot be carried over.
-        self.method.restart();
+        // The first half of a rejected step was accepted by the method.
+        if !self.is_fresh {
+            self.method.restart();
+        }
         self.method
             .step(system, anchors, interval, &mut self.whole, work)?;
         let first = Interval {
@@ -64,27 +89,40 @@ impl Method for Doubling {
         };
         self.method.step(system, anchors, first, state, work)?;
         self.method.accept();
+        self.is_fresh = false;
         self.method.step(system, anchors, second, state, work)?;
 
         let scale = 1.0 / (2f64.powi(self.order() as i32) - 1.0);
-        let (mut block, mut error) = (0, 0.0);
+        let mut error = 0.0;
+        (self.step_size, self.error_of_positions) = (h, 0.0);
         for k in 0..system.n_free() {
-            let x = (state.x[k] - self.whole.x[k]).amax();
-            let v = (state.v[k] - self.whole.v[k]).amax();
-            let here = scale * (x + h * v);
+            let x = scale * (state.x[k] - self.whole.x[k]).amax();
+            let v = (state.v[k] - self.whole.v[k]) * scale;
+            let here = x + h * v.amax();
             if here > error || here.is_nan() {
-                (block, error) = (k, here);
+                (self.block, error) = (k, here);
             }
+            self.error_of_positions = self.error_of_positions.max(x);
+            self.errors[k] = v * system.masses()[k];
         }
-        Ok(Some(ErrorEstimate {
-            rate: error / h,
-            exponent: f64::from(self.order()),
-            block,
-        }))
+        Ok(Some(self.estimate(error)))
+    }
+
+    /// The same with errors of velocities that the springs have answered.
+    fn second_estimate(
+        &mut self,
+        system: &System,
+        state: &State,
+        work: &mut Work,
+    ) -> Option<ErrorEstimate> {
+        let h = self.step_size;
+        let answered = self.method.answer(system, state, h, &mut self.errors, work);
+        answered.then(|| self.estimate(self.error_of_positions + h * largest(&self.errors).1))
     }
 
     fn accept(&mut self) {
         self.method.accept();
+        self.is_fresh = true;
     }
 
     fn quadrature(&self) -> Quadrature {

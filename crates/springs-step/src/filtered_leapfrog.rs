@@ -1,6 +1,6 @@
 //! Filtered leapfrog: Verlet with kicks that pass through a stiffness matrix.
 
-use crate::stage::{OnDemand, analyze, factorize};
+use crate::stage::{OnDemand, analyze, answer, factorize};
 use crate::work::timed;
 use crate::{Anchors, ErrorEstimate, Interval, Method, MethodError, State, Work};
 use nalgebra::Vector3;
@@ -52,17 +52,19 @@ impl FilteredLeapfrog {
         })
     }
 
-    /// Accelerations at `state`, from and into `next_*`.
+    /// Accelerations at positions of `state` and velocities that are `behind`,
+    /// in s, those times, from and into `next_*`.
     fn accelerate(
         &mut self,
         system: &System,
         state: &State,
         h: f64,
+        behind: f64,
         work: &mut Work,
     ) -> Result<(), MethodError> {
         let weights = Weights {
             mass: 1.0,
-            damping: 0.5 * h,
+            damping: behind,
             stiffness: ALPHA * h * h,
         };
         let out = &mut self.linearization;
@@ -129,7 +131,7 @@ impl Method for FilteredLeapfrog {
         let h = interval.size;
         if !self.is_started {
             system.springs().tensions(&state.x, &mut self.next_tensions);
-            self.accelerate(system, state, h, work)?;
+            self.accelerate(system, state, h, 0.0, work)?;
             self.accept();
             self.is_started = true;
         }
@@ -140,11 +142,24 @@ impl Method for FilteredLeapfrog {
             *x += *v * h;
         }
         anchors.place(interval.end, &mut state.x);
-        self.accelerate(system, state, h, work)?;
+        self.accelerate(system, state, h, 0.5 * h, work)?;
         for (v, a) in state.v.iter_mut().zip(&self.next_accelerations) {
             *v += a * (0.5 * h);
         }
         Ok(None)
+    }
+
+    fn answer(
+        &mut self,
+        system: &System,
+        state: &State,
+        time_scale: f64,
+        errors: &mut [Vector3<f64>],
+        work: &mut Work,
+    ) -> bool {
+        let solver = (&mut self.cholesky, &mut self.linearization);
+        let tensions = Some(&*self.next_tensions);
+        answer(system, solver, state, tensions, time_scale, errors, work)
     }
 
     fn accept(&mut self) {

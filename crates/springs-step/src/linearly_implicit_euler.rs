@@ -1,6 +1,6 @@
 //! Linearly implicit Euler: the step of the note, Eqs. 10–14.
 
-use crate::stage::{OnDemand, analyze, factorize};
+use crate::stage::{OnDemand, analyze, answer, factorize};
 use crate::work::timed;
 use crate::{Anchors, ErrorEstimate, Interval, Method, MethodError, Quadrature, State, Work};
 use nalgebra::Vector3;
@@ -162,6 +162,18 @@ impl Method for LinearlyImplicitEuler {
         self.position_step(state, h);
         anchors.place(interval.end, &mut state.x);
         Ok(None)
+    }
+
+    fn answer(
+        &mut self,
+        system: &System,
+        state: &State,
+        time_scale: f64,
+        errors: &mut [Vector3<f64>],
+        work: &mut Work,
+    ) -> bool {
+        let solver = (&mut self.cholesky, &mut self.linearization);
+        answer(system, solver, state, None, time_scale, errors, work)
     }
 
     fn accept(&mut self) {

@@ -1,6 +1,7 @@
 //! What a time integration method is.
 
 use crate::{Anchors, MethodError, State, Work};
+use nalgebra::Vector3;
 use springs_assembly::System;
 
 /// The time span of one step.
@@ -48,6 +49,20 @@ pub struct ErrorEstimate {
     pub block: usize,
 }
 
+impl ErrorEstimate {
+    /// The estimate of a result that is one order better than the estimate
+    /// itself: rate·(rate/speed)^(1/exponent), where `speed` in m/s says what
+    /// a small rate is compared with.
+    pub(crate) fn of_better_result(self, speed: f64) -> Self {
+        let small = self.rate / speed.max(f64::MIN_POSITIVE);
+        Self {
+            rate: self.rate * small.powf(1.0 / self.exponent).min(1.0),
+            exponent: self.exponent + 1.0,
+            ..self
+        }
+    }
+}
+
 /// A one-step method for M dv/dt = f(x, v), dx/dt = v.
 ///
 /// A method owns its workspace and allocates nothing in [`Self::step`] once it
@@ -85,6 +100,21 @@ pub trait Method {
         work: &mut Work,
     ) -> Result<Option<ErrorEstimate>, MethodError>;
 
+    /// For methods with a matrix: replaces errors of momenta e, in kg·m/s, by
+    /// what the springs leave of them after a time `time_scale` = τ in s, as
+    /// velocities (M + τ²S)⁻¹e, and says that it did. Errors of fast vibrations
+    /// become small, however long they ring.
+    fn answer(
+        &mut self,
+        _system: &System,
+        _state: &State,
+        _time_scale: f64,
+        _errors: &mut [Vector3<f64>],
+        _work: &mut Work,
+    ) -> bool {
+        false
+    }
+
     /// A costlier and sharper estimate of the error of the last step, asked for
     /// when the first one would reject it; `None` if there is no better one.
     fn second_estimate(
@@ -107,8 +137,11 @@ pub trait Method {
 
 /// The time, in s, over which an error of velocities grows into one of
 /// positions: the one in which the motion itself changes, speed/acceleration,
-/// but no less than a step and no more than a thousand.
+/// but no less than a step and no more than [`LONGEST_TIME_SCALE`].
 pub(crate) fn time_scale(speed: f64, acceleration: f64, h: f64) -> f64 {
     let changing = speed / acceleration.max(f64::MIN_POSITIVE);
-    changing.clamp(h, 1e3 * h)
+    changing.clamp(h, LONGEST_TIME_SCALE * h)
 }
+
+/// In steps.
+pub(crate) const LONGEST_TIME_SCALE: f64 = 1e3;

@@ -200,11 +200,12 @@ impl Method for Rodas4 {
         anchors.place(interval.end, &mut state.x);
         let last = &self.stages[STAGES - 1];
         let ((block, of_x), (_, of_v)) = (largest(&last.x), largest(&last.v));
-        Ok(Some(ErrorEstimate {
+        let estimate = ErrorEstimate {
             rate: (of_x + time_scale(speed, change / h, h) * of_v) / h,
             exponent: 3.0,
             block,
-        }))
+        };
+        Ok(Some(estimate.of_better_result(speed)))
     }
 
     fn accept(&mut self) {}

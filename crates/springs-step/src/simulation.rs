@@ -235,7 +235,7 @@ impl Simulation {
                 Err(_) => controller.fail(interval.size),
                 Ok(estimate) => {
                     let mut estimate = estimate.expect("methods are built with an estimate");
-                    if !controller.allows(estimate)
+                    if !controller.is_clear(estimate)
                         && let Some(second) = self.stepper.second_estimate(&mut self.work)
                     {
                         estimate = second;

@@ -45,7 +45,8 @@ pub(crate) struct StageProblem<'a> {
     pub(crate) c: f64,
     /// p, one per free block, in kg·m/s.
     pub(crate) momenta: &'a [Vector3<f64>],
-    /// Where it must be right to, in m; `None`: to rounding.
+    /// Corrections of velocities, in m/s, that need not be made; `None`: right
+    /// to rounding.
     pub(crate) accuracy: Option<f64>,
 }
 
@@ -273,18 +274,26 @@ impl Stage {
         work.counts.solves += 1;
     }
 
-    /// Solves with another matrix, which takes the place of the last one.
-    pub(crate) fn solve_at(
+    /// [`answer`] with the matrix and solver of the stage.
+    pub(crate) fn answer(
         &mut self,
         system: &System,
-        at: Evaluation<'_>,
-        rhs: &mut [Vector3<f64>],
+        state: &State,
+        tensions: &[f64],
+        time_scale: f64,
+        errors: &mut [Vector3<f64>],
         work: &mut Work,
-    ) -> Result<(), MethodError> {
-        let (cholesky, out) = (&mut self.cholesky, &mut self.linearization);
-        factorize(system, cholesky, OnDemand::Always, at, out, work)?;
-        self.filter(rhs, work);
-        Ok(())
+    ) -> bool {
+        let solver = (&mut self.cholesky, &mut self.linearization);
+        answer(
+            system,
+            solver,
+            state,
+            Some(tensions),
+            time_scale,
+            errors,
+            work,
+        )
     }
 
     fn delta_size(&self, system: &System) -> f64 {
@@ -308,13 +317,13 @@ impl Stage {
     /// relative to the velocities, or to what rounding of the positions does to
     /// them through the springs. Free of units.
     fn enough(&self, problem: &StageProblem<'_>, state: &State, system: &System) -> f64 {
-        let c = problem.c;
         let speed = largest(&state.v[..system.n_free()]).1;
+        let c = problem.c;
         let rate = (c * self.frequency_bound * self.frequency_bound).min(1.0 / c);
         let rounding = WANTED * speed + 8.0 * f64::EPSILON * largest(&state.x).1 * rate;
         problem
             .accuracy
-            .map_or(rounding, |accuracy| rounding.max(accuracy / c))
+            .map_or(rounding, |accuracy| rounding.max(accuracy))
     }
 
     /// ½ vᵀM v − pᵀv + V(x) + ½c·(dissipation with the directions of `at`),
@@ -437,4 +446,34 @@ pub(crate) fn factorize(
         }),
     };
     factorized.map_err(MethodError::of)
+}
+
+/// What a method with a matrix does for [`crate::Method::answer`], where S is
+/// the Hessian with its across stiffness from the given tensions, clamped. The
+/// matrix takes the place of the last one.
+pub(crate) fn answer(
+    system: &System,
+    (cholesky, out): (&mut SparseCholesky, &mut Linearization),
+    state: &State,
+    tensions: Option<&[f64]>,
+    time_scale: f64,
+    errors: &mut [Vector3<f64>],
+    work: &mut Work,
+) -> bool {
+    let at = Evaluation {
+        x: &state.x,
+        v: &state.v,
+        projection: Projection::Clamp,
+        tensions,
+        dashpot_tension: false,
+        weights: Weights::of_step(time_scale),
+    };
+    let factorized = factorize(system, cholesky, OnDemand::Always, at, out, work);
+    if factorized.is_ok() {
+        timed(&mut work.phases.solve, || {
+            cholesky.solve_in_place(bytemuck::cast_slice_mut(errors));
+        });
+        work.counts.solves += 1;
+    }
+    factorized.is_ok()
 }

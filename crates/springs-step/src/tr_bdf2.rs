@@ -1,10 +1,10 @@
 //! TR-BDF2: a trapezoidal stage, then a backward difference stage.
 
-use crate::method::time_scale;
+use crate::method::{LONGEST_TIME_SCALE, time_scale};
 use crate::stage::{Stage, StageProblem, Tensions, largest};
 use crate::{Anchors, ErrorEstimate, Interval, Method, MethodError, State, Work};
 use nalgebra::Vector3;
-use springs_assembly::{Evaluation, Projection, System, Weights};
+use springs_assembly::System;
 use springs_solver::SolveError;
 
 /// γ = 2 − √2: both stages then have the same matrix coefficient.
@@ -28,6 +28,8 @@ pub struct TrBdf2 {
     forces: [Vec<Vector3<f64>>; 3],
     forces_are_known: bool,
     tensions: Tensions,
+    /// Rate of errors of positions, in m/s, up to which stages need not be
+    /// solved; `None`: to rounding.
     accuracy: Option<f64>,
     /// Errors of the last step as momenta, its size and the time scale of the
     /// motion.
@@ -62,8 +64,8 @@ impl TrBdf2 {
         })
     }
 
-    /// Solves the stages only as accurately as needed, in m, instead of to
-    /// rounding.
+    /// Solves the stages only as accurately as needed instead of to rounding:
+    /// they may add to the error of positions at the rate `accuracy`, in m/s.
     pub fn with_accuracy(self, accuracy: f64) -> Self {
         Self {
             accuracy: Some(accuracy),
@@ -81,10 +83,12 @@ impl TrBdf2 {
         force: usize,
         work: &mut Work,
     ) -> Result<(), MethodError> {
+        let h = c / D;
+        let time_scale = self.time_scale.clamp(h, LONGEST_TIME_SCALE * h);
         let problem = StageProblem {
             c,
             momenta: &self.momenta,
-            accuracy: self.accuracy,
+            accuracy: self.accuracy.map(|rate| rate * h / time_scale),
         };
         self.stage
             .solve(system, &problem, state, &mut self.tensions.end, work)?;
@@ -183,20 +187,12 @@ impl Method for TrBdf2 {
         state: &State,
         work: &mut Work,
     ) -> Option<ErrorEstimate> {
-        let tau = self.time_scale;
-        let at = Evaluation {
-            x: &state.x,
-            v: &state.v,
-            projection: Projection::Clamp,
-            tensions: Some(&self.tensions.end),
-            dashpot_tension: false,
-            weights: Weights::of_step(tau),
-        };
-        self.stage
-            .solve_at(system, at, &mut self.errors, work)
-            .ok()?;
+        let (tau, tensions) = (self.time_scale, &self.tensions.end);
+        let answered = self
+            .stage
+            .answer(system, state, tensions, tau, &mut self.errors, work);
         let (block, error) = largest(&self.errors);
-        Some(ErrorEstimate {
+        answered.then_some(ErrorEstimate {
             rate: tau * error / self.step_size,
             exponent: EXPONENT,
             block,

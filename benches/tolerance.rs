@@ -1,0 +1,95 @@
+//! The tolerance asked for against the error that a run ends with: every method
+//! at tolerances from 1e-1 to 1e-8 m on scenes that really move, against
+//! DOP853 at 1e-11 m. *Growth* says how many times larger a small disturbance
+//! of velocities is at the end than it would be in free flight. Prints a table in Markdown.
+//!
+//! ```text
+//! cargo bench --bench tolerance > table.md
+//! ```
+
+#[path = "../tests/common/mod.rs"]
+mod common;
+
+use common::moving::moving_scenes;
+use common::{distance, growth, reference};
+use nalgebra::Vector3;
+use springs::scene::{Method, Scene, StepControl};
+use springs::step::{Observer, Outcome, Simulation};
+use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
+
+const METHODS: [Method; 9] = [
+    Method::TrBdf2,
+    Method::Dop853,
+    Method::Rodas4,
+    Method::ImplicitMidpoint,
+    Method::FilteredLeapfrog,
+    Method::VelocityVerlet,
+    Method::BlanesMoan4,
+    Method::BlanesMoan6,
+    Method::ImplicitEuler,
+];
+
+/// A method that takes longer than this goes no further.
+const LONG: Duration = Duration::from_secs(2);
+
+/// Stops a run that takes too long.
+struct Patience(Instant);
+
+impl Observer for Patience {
+    fn step(&mut self, _time: f64) -> ControlFlow<()> {
+        match self.0.elapsed() > LONG {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        }
+    }
+}
+
+/// Positions at the end and the steps made; `None` if it took too long or the
+/// method cannot move the scene.
+fn run(scene: &Scene, method: Method, tolerance: f64) -> Option<(Vec<Vector3<f64>>, u64)> {
+    let mut scene = scene.clone();
+    scene.settings.method = method;
+    scene.settings.step = StepControl::Tolerance(tolerance);
+    let mut simulation = Simulation::new(&scene).ok()?;
+    match simulation.run(1, &mut Patience(Instant::now())) {
+        Ok(Outcome::Finished) => {
+            let steps = simulation.work().counts.steps;
+            Some((simulation.nodes().positions.clone(), steps))
+        }
+        _ => None,
+    }
+}
+
+fn main() {
+    println!(
+        "| scene, growth | method | error/tolerance (steps) at 1e-1 | 1e-2 | 1e-3 | 1e-4 | 1e-5 | 1e-6 | 1e-7 | 1e-8 |"
+    );
+    println!("| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |");
+    let filter: Option<String> = std::env::args().skip(1).find(|a| !a.starts_with("--"));
+    for scene in moving_scenes() {
+        if filter.as_ref().is_some_and(|f| !scene.name.contains(f)) {
+            continue;
+        }
+        let (reference, trusted) = reference(&scene);
+        let growth = growth(&scene, &reference);
+        for method in METHODS {
+            let mut row = format!("| {}, {growth:.1} | {method} |", scene.name);
+            for k in 1..=8 {
+                let tolerance = 10f64.powi(-k);
+                match run(&scene, method, tolerance) {
+                    Some((positions, steps)) => {
+                        let error = distance(&positions, &reference);
+                        let told = if error > 3.0 * trusted { "" } else { "≤ " };
+                        row += &format!(" {told}{:.1e} ({steps}) |", error / tolerance);
+                    }
+                    None => {
+                        row += " |";
+                        break;
+                    }
+                }
+            }
+            println!("{row}");
+        }
+    }
+}
