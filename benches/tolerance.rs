@@ -1,7 +1,8 @@
 //! The tolerance asked for against the error that a run ends with: every method
 //! at tolerances from 1e-1 to 1e-8 m on scenes that really move, against
 //! DOP853 at 1e-11 m. *Growth* says how many times larger a small disturbance
-//! of velocities is at the end than it would be in free flight. Prints a table in Markdown.
+//! of velocities is at the end than it would be in free flight. Prints a table
+//! in Markdown.
 //!
 //! ```text
 //! cargo bench --bench tolerance > table.md

@@ -225,7 +225,7 @@ fn a_method_on_the_command_line_takes_no_tangent_from_the_file() {
         desk.report("chain")["reason"]
             .as_str()
             .unwrap()
-            .contains("steps cost less")
+            .contains("cheapest")
     );
 }
 

@@ -5,50 +5,15 @@
 
 mod common;
 
+use common::moving::{chain_of_20, pendulum, with_gravity};
 use common::{distance, with};
 use nalgebra::Vector3;
 use springs::scene::{Method, Node, Scene, StepControl, Tangent};
 use springs::step::{NodeStates, Simulation, Stepper};
 
-fn gravity() -> Scene {
-    Scene {
-        gravity: Vector3::new(0.0, 0.0, -9.81),
-        ..Scene::default()
-    }
-}
-
-fn pendulum(stiffness: f64) -> Scene {
-    let mut scene = gravity();
-    scene.add_node(Node::fixed(Vector3::zeros()));
-    scene.add_node(Node {
-        mass: 1.0,
-        ..Node::at(Vector3::x())
-    });
-    scene.add_spring(0, 1, stiffness);
-    scene
-}
-
-fn chain_of_20(stiffness: f64) -> Scene {
-    let mut scene = gravity();
-    let (sin, cos) = 30f64.to_radians().sin_cos();
-    for i in 0..=20 {
-        let s = 0.1 * i as f64;
-        scene.add_node(Node {
-            mass: 0.05,
-            fixed: i == 0,
-            velocity: Vector3::new(0.0, if i == 0 { 0.0 } else { 0.01 * s }, 0.0),
-            ..Node::at(Vector3::new(s * cos, 0.0, -s * sin))
-        });
-    }
-    for i in 0..20 {
-        scene.add_spring(i, i + 1, stiffness);
-    }
-    scene
-}
-
 /// 8 × 8 nodes 0.125 m apart, node mass 0.01 kg, two corners fixed.
 fn cloth_8(stiffness: f64) -> Scene {
-    let mut scene = gravity();
+    let mut scene = with_gravity("cloth of 8 × 8");
     let n = 8;
     for j in 0..n {
         for i in 0..n {

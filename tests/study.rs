@@ -1,9 +1,13 @@
 //! The study of a scene: a reference that can be trusted, errors measured
 //! against it, files, interruption.
 
+use springs::assembly::compile;
 use springs::scene::generate::{Material, chain, disturb};
 use springs::scene::{Method, Scene};
-use springs::study::{Options, Setting, StudyError, csv, diagram, recommendations, study, table};
+use springs::study::{
+    Fate, Options, Setting, StudyError, csv, diagram, recommendations, stability, stability_csv,
+    stability_diagram, study, table,
+};
 use std::ops::ControlFlow;
 use std::process::Command;
 use std::time::Duration;
@@ -138,4 +142,36 @@ fn the_command_writes_its_files() {
     }
     assert_eq!(run(&[]).status.code(), Some(2), "not over another study");
     assert!(run(&["--force", "--quiet"]).status.success());
+}
+
+/// Velocity Verlet is stable up to hω = 2, whatever the stiffness; the bound of
+/// the frequencies is nearly sharp for a chain.
+#[test]
+fn the_stability_map_shows_the_stability_limit() {
+    let scene = scene();
+    let methods = [Method::VelocityVerlet, Method::TrBdf2];
+    let map = stability(&scene, &options(&methods), &mut |_| {
+        ControlFlow::Continue(())
+    })
+    .unwrap();
+    let bound = compile(&scene).unwrap().frequency_bound();
+    let (mut stable, mut unstable) = (0, 0);
+    for trial in &map.trials {
+        let is_stable = !matches!(trial.fate, Fate::Gained | Fate::Failed);
+        let angle = trial.step * bound * trial.stiffness_factor.sqrt();
+        if trial.method == "velocity-verlet" && angle < 1.9 {
+            assert!(is_stable, "hω ≤ {angle}: {trial:?}");
+            stable += 1;
+        }
+        // One that has time to grow.
+        let n_steps = scene.settings.duration / trial.step;
+        if trial.method == "velocity-verlet" && angle > 2.5 && n_steps > 60.0 {
+            assert!(!is_stable, "hω ≤ {angle}: {trial:?}");
+            unstable += 1;
+        }
+    }
+    assert!(stable > 5 && unstable > 5, "{stable}, {unstable}");
+    let rows = stability_csv(&map).lines().count();
+    assert_eq!(rows, map.trials.len() + 1);
+    assert!(stability_diagram(&map).starts_with("<svg"));
 }

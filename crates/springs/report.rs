@@ -1,7 +1,7 @@
 //! From a simulation to the report that is written to `report.json`.
 
 use springs_assembly::Energy;
-use springs_io::{EnergyReport, EnergySum, FailureReport, Report, SecondsReport};
+use springs_io::{EnergyReport, EnergySum, FailureReport, Report, SecondsReport, SwitchReport};
 use springs_scene::Scene;
 use springs_step::{Pace, Simulation, StepError};
 use std::time::Duration;
@@ -51,10 +51,8 @@ pub fn report(scene: &Scene, simulation: &Simulation, ending: Ending, timings: T
         springs: scene.springs.len(),
         unknowns: 3 * simulation.stepper().system().n_free(),
         reason: Some(choice.reason.clone()).filter(|reason| !reason.is_empty()),
-        step_size: match choice.pace {
-            Pace::Fixed(step_size) => Some(step_size),
-            Pace::Tolerance(_) => None,
-        },
+        switches: switches(simulation),
+        step_size: simulation.plan().map(|plan| plan.step_size),
         tolerance: match choice.pace {
             Pace::Fixed(_) => None,
             Pace::Tolerance(tolerance) => Some(tolerance),
@@ -85,6 +83,16 @@ pub fn report(scene: &Scene, simulation: &Simulation, ending: Ending, timings: T
             _ => None,
         },
     }
+}
+
+fn switches(simulation: &Simulation) -> Vec<SwitchReport> {
+    let switches = simulation.switches().iter();
+    let reports = switches.map(|switch| SwitchReport {
+        time: switch.time,
+        method: switch.method.to_string(),
+        reason: switch.reason.clone(),
+    });
+    reports.collect()
 }
 
 fn energy(simulation: &Simulation) -> EnergyReport {

@@ -13,7 +13,7 @@ pub struct Report {
     pub scene: String,
     /// `finished`, `interrupted` or `failed`.
     pub status: String,
-    /// Method, in kebab-case.
+    /// Method, in kebab-case; the last one, if it changed.
     pub method: String,
     /// Tangent, in kebab-case, if the method has a matrix.
     pub tangent: Option<String>,
@@ -27,6 +27,9 @@ pub struct Report {
     pub unknowns: usize,
     /// Why this method, where the scene left it open.
     pub reason: Option<String>,
+    /// Changes of method during the run.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub switches: Vec<SwitchReport>,
     /// Size of all steps, in s, if it is fixed.
     pub step_size: Option<f64>,
     /// Error that steps are chosen by, in m, if they are.
@@ -60,6 +63,17 @@ pub struct Report {
     pub peak_memory_bytes: Option<u64>,
     /// Why the simulation could not go on, if it failed.
     pub failure: Option<FailureReport>,
+}
+
+/// A change of method during a run.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SwitchReport {
+    /// When, in s.
+    pub time: f64,
+    /// The method from then on, in kebab-case.
+    pub method: String,
+    /// Why.
+    pub reason: String,
 }
 
 /// Run time by phase, in s.

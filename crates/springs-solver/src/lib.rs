@@ -28,7 +28,7 @@
 mod cholesky;
 mod graph;
 
-pub use cholesky::{Factorization, SparseCholesky};
+pub use cholesky::{FactorSize, Factorization, SparseCholesky};
 
 /// Why a system could not be solved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]

@@ -1,16 +1,18 @@
 //! Which method and step a scene's settings come down to.
 
+use crate::auto::Auto;
+use crate::controller::Controller;
 use crate::dop853::Dop853;
 use crate::doubling::Doubling;
 use crate::filtered_leapfrog::FilteredLeapfrog;
 use crate::implicit_euler::ImplicitEuler;
 use crate::implicit_midpoint::ImplicitMidpoint;
+use crate::pilot::equal_steps;
 use crate::rodas4::Rodas4;
 use crate::tr_bdf2::TrBdf2;
-use crate::{LinearlyImplicitEuler, Method, SetupError, Splitting};
+use crate::{Anchors, LinearlyImplicitEuler, Method, SetupError, Splitting, State, StepPlan, Work};
 use springs_assembly::System;
 use springs_scene::{self as scene, Scene, StepControl, Tangent};
-use springs_solver::SparseCholesky;
 
 /// The tolerance where nothing was asked for, as a fraction of the scene's
 /// size.
@@ -19,6 +21,9 @@ const DEFAULT_TOLERANCE: f64 = 1e-3;
 /// Explicit steps of fixed size are chosen up to this product of step size and
 /// frequency (or damping rate) bound: a quarter of Verlet's stability limit.
 const EXPLICIT_LIMIT: f64 = 0.5;
+
+/// Trial runs for equal steps that were asked for end here.
+const MOST_TRIAL_STEPS: f64 = 1e8;
 
 /// What a scene is simulated with.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,49 +51,157 @@ pub enum Pace {
 
 /// Settles what the settings leave open.
 ///
-/// Without a step, a tolerance of 1e-3 of the scene's size is meant. `Auto` is
-/// velocity Verlet or DOP853 where the fastest motion of the scene is worth
-/// following, and TR-BDF2 or, with a fixed step, linearly implicit Euler with
-/// filtered tensions elsewhere.
+/// Without a step, a tolerance of 1e-3 of the scene's size is meant. With a
+/// fixed step, `Auto` is velocity Verlet where the step resolves the fastest
+/// motion of the scene, and linearly implicit Euler with filtered tensions
+/// elsewhere. With a tolerance, methods are tried out on the scene, and the
+/// cheapest one is taken.
 ///
 /// # Errors
 ///
 /// If the method cannot move the scene.
 pub fn choose(scene: &Scene, system: &System) -> Result<Choice, SetupError> {
+    let anchors = Anchors::new(system, &State::initial(system));
+    Ok(start(scene, system, &anchors)?.choice)
+}
+
+/// What a scene starts with.
+pub(crate) struct Start {
+    pub(crate) choice: Choice,
+    pub(crate) method: Box<dyn Method>,
+    pub(crate) schedule: Schedule,
+    /// Goes on choosing methods, if that is left open.
+    pub(crate) auto: Option<Auto>,
+    /// What trial runs took.
+    pub(crate) work: Work,
+}
+
+/// Where the next step comes from.
+pub(crate) enum Schedule {
+    Fixed(StepPlan),
+    Adaptive(Controller),
+}
+
+impl Start {
+    /// A method of somebody's own, which has no name.
+    pub(crate) fn with_method(scene: &Scene, system: &System, method: Box<dyn Method>) -> Self {
+        let (pace, schedule) = pace_of(scene, system);
+        Self {
+            choice: Choice {
+                method: scene.settings.method,
+                tangent: None,
+                pace,
+                duration: scene.settings.duration,
+                reason: String::new(),
+            },
+            method,
+            schedule,
+            auto: None,
+            work: Work::default(),
+        }
+    }
+}
+
+/// How steps are chosen; with a tolerance, by a controller.
+fn pace_of(scene: &Scene, system: &System) -> (Pace, Schedule) {
     let settings = &scene.settings;
-    let pace = match settings.step {
-        StepControl::Fixed(step) => Pace::Fixed(step),
-        StepControl::Tolerance(tolerance) => Pace::Tolerance(tolerance),
-        StepControl::Auto => Pace::Tolerance(match scene.size() {
+    let duration = settings.duration;
+    let tolerance = match settings.step {
+        StepControl::Fixed(step) => {
+            return (
+                Pace::Fixed(step),
+                Schedule::Fixed(StepPlan::new(duration, step)),
+            );
+        }
+        StepControl::Tolerance(tolerance) => tolerance,
+        StepControl::Auto => match scene.size() {
             size if size > 0.0 => DEFAULT_TOLERANCE * size,
             _ => DEFAULT_TOLERANCE,
-        }),
+        },
     };
-    let (method, tangent, reason) = match settings.method {
-        scene::Method::Auto => pick(scene, system, pace)?,
-        named => (named, None, String::new()),
-    };
-    let tangent = match method {
-        scene::Method::LinearlyImplicitEuler => {
-            Some(settings.tangent.or(tangent).unwrap_or(Tangent::Exact))
-        }
-        _ => None,
-    };
-    if let (Some(_), None) = (settings.tangent, tangent) {
-        return Err(SetupError::NoTangent { method });
-    }
-    refuse(scene, system, method)?;
-    Ok(Choice {
-        method,
-        tangent,
+    let first_step = first_step(duration, system.frequency_bound());
+    let controller = Controller::new(tolerance, duration, first_step);
+    (Pace::Tolerance(tolerance), Schedule::Adaptive(controller))
+}
+
+/// [`choose`] with all that comes of it.
+pub(crate) fn start(
+    scene: &Scene,
+    system: &System,
+    anchors: &Anchors,
+) -> Result<Start, SetupError> {
+    let settings = &scene.settings;
+    let (pace, schedule) = pace_of(scene, system);
+    let mut choice = Choice {
+        method: settings.method,
+        tangent: settings.tangent,
         pace,
         duration: settings.duration,
-        reason,
-    })
+        reason: String::new(),
+    };
+    let compiled = (system, anchors);
+    if choice.method == scene::Method::Auto {
+        match schedule {
+            Schedule::Fixed(plan) => pick_for_step(&mut choice, system, plan.step_size),
+            Schedule::Adaptive(controller) => {
+                refuse_tangent(&choice)?;
+                return Auto::new(scene, system, &choice)?.start(compiled, controller);
+            }
+        }
+    }
+    match choice.method {
+        scene::Method::LinearlyImplicitEuler => {
+            choice.tangent.get_or_insert(Tangent::Exact);
+        }
+        _ => refuse_tangent(&choice)?,
+    }
+    can_move(scene, system, choice.method)?;
+    let mut start = Start {
+        method: choice.build(system)?,
+        choice,
+        schedule,
+        auto: None,
+        work: Work::default(),
+    };
+    let wants_equal_steps = start.choice.wants_equal_steps() && settings.duration > 0.0;
+    if let (true, Pace::Tolerance(tolerance)) = (wants_equal_steps, pace) {
+        let task = (settings.duration, tolerance);
+        let method = &mut *start.method;
+        let steps = equal_steps(compiled, method, task, MOST_TRIAL_STEPS, &mut start.work).ok_or(
+            SetupError::NotReached {
+                method: start.choice.method,
+                tolerance,
+            },
+        )?;
+        start.choice.reason = steps.to_string();
+        start.schedule = Schedule::Fixed(StepPlan::equal(settings.duration, steps.n));
+        start.method.restart();
+    }
+    Ok(start)
+}
+
+/// A first step that is short for anything the scene can do; the controller
+/// lengthens it quickly.
+fn first_step(duration: f64, fastest: f64) -> f64 {
+    let resolving = 0.1 / fastest;
+    (duration / 100.0).min(resolving.max(1e-6 * duration))
+}
+
+fn refuse_tangent(choice: &Choice) -> Result<(), SetupError> {
+    match choice.tangent {
+        Some(_) => Err(SetupError::NoTangent {
+            method: choice.method,
+        }),
+        None => Ok(()),
+    }
 }
 
 /// Refuses what a method cannot treat.
-fn refuse(scene: &Scene, system: &System, method: scene::Method) -> Result<(), SetupError> {
+pub(crate) fn can_move(
+    scene: &Scene,
+    system: &System,
+    method: scene::Method,
+) -> Result<(), SetupError> {
     let divides_by_mass = matches!(
         method,
         scene::Method::VelocityVerlet
@@ -113,100 +226,23 @@ fn refuse(scene: &Scene, system: &System, method: scene::Method) -> Result<(), S
     Ok(())
 }
 
-type Picked = (scene::Method, Option<Tangent>, String);
-
-fn pick(scene: &Scene, system: &System, pace: Pace) -> Result<Picked, SetupError> {
+/// Method and tangent for steps of fixed size.
+fn pick_for_step(choice: &mut Choice, system: &System, h: f64) {
     let fastest = system.frequency_bound().max(system.damping_rate_bound());
-    if system.masses().contains(&0.0) {
-        let why = "a massless node has no explicit motion".to_owned();
-        return Ok(match pace {
-            Pace::Fixed(_) => (
-                scene::Method::LinearlyImplicitEuler,
-                Some(Tangent::Filtered),
-                why,
-            ),
-            Pace::Tolerance(_) => (scene::Method::TrBdf2, None, why),
-        });
-    }
-    let picked = match pace {
-        Pace::Fixed(h) if h * fastest <= EXPLICIT_LIMIT => (
-            scene::Method::VelocityVerlet,
-            None,
-            format!(
-                "the step resolves the fastest motion, h·ω ≤ {:.2}",
-                h * fastest
-            ),
-        ),
-        Pace::Fixed(h) => (
-            scene::Method::LinearlyImplicitEuler,
-            Some(Tangent::Filtered),
-            format!(
-                "the step does not resolve the fastest motion, h·ω ≤ {:.1}",
-                h * fastest
-            ),
-        ),
-        Pace::Tolerance(tolerance) => {
-            let (explicit, implicit) = (
-                explicit_work(system, scene, fastest),
-                implicit_work(scene, system, tolerance)?,
-            );
-            let (method, which) = match explicit <= implicit {
-                true => (scene::Method::Dop853, "explicit"),
-                false => (scene::Method::TrBdf2, "implicit"),
-            };
-            let why = format!(
-                "{which} steps cost less: about {:.1e} operations explicit, {:.1e} implicit",
-                explicit, implicit
-            );
-            (method, None, why)
+    let angle = h * fastest;
+    let is_explicit = angle <= EXPLICIT_LIMIT && !system.masses().contains(&0.0);
+    choice.reason = match () {
+        _ if is_explicit => format!("the step resolves the fastest motion, h·ω ≤ {angle:.2}"),
+        _ if angle <= EXPLICIT_LIMIT => "a massless node has no explicit motion".to_owned(),
+        _ => format!("the step does not resolve the fastest motion, h·ω ≤ {angle:.1}"),
+    };
+    match is_explicit {
+        true => choice.method = scene::Method::VelocityVerlet,
+        false => {
+            choice.method = scene::Method::LinearlyImplicitEuler;
+            choice.tangent.get_or_insert(Tangent::Filtered);
         }
-    };
-    Ok(picked)
-}
-
-/// Operations that forces of one spring take.
-const FORCE: f64 = 40.0;
-/// Operations that forces and matrix blocks of one spring take.
-const LINEARIZATION: f64 = 120.0;
-/// Dense kernels of a factorization do so many more operations in a time.
-const DENSE_GAIN: f64 = 4.0;
-/// Newton iterations of a stage.
-const ITERATIONS: f64 = 3.0;
-/// DOP853 takes steps of about this angle of the fastest motion.
-const DOP853_ANGLE: f64 = 4.5;
-
-/// Operations of DOP853 for the duration, at its stability limit.
-fn explicit_work(system: &System, scene: &Scene, fastest: f64) -> f64 {
-    let steps = (scene.settings.duration * fastest / DOP853_ANGLE).max(10.0);
-    steps * 12.0 * FORCE * springs(system)
-}
-
-/// Operations of TR-BDF2 for the duration: steps from the error constant of the
-/// method and the accelerations at the start.
-fn implicit_work(scene: &Scene, system: &System, tolerance: f64) -> Result<f64, SetupError> {
-    let flops = SparseCholesky::count_flops(system.n_free(), system.pattern().pairs())?;
-    let mut forces = system.linearization().forces;
-    let (x, v) = (system.initial_positions(), system.initial_velocities());
-    system.forces(x, v, &mut forces);
-    let accelerations = forces.iter().zip(system.masses());
-    let acceleration = accelerations
-        .filter(|(_, mass)| **mass > 0.0)
-        .map(|(force, mass)| force.norm() / mass)
-        .fold(scene.gravity.norm(), f64::max);
-    let duration = scene.settings.duration;
-    let time_scale = (scene.size() / acceleration).sqrt();
-    let h = (25.0 * tolerance * time_scale / (acceleration * duration)).sqrt();
-    let steps = if h > 0.0 {
-        (duration / h).max(10.0)
-    } else {
-        10.0
-    };
-    let iteration = flops / DENSE_GAIN + LINEARIZATION * springs(system);
-    Ok(steps * 2.0 * ITERATIONS * iteration)
-}
-
-fn springs(system: &System) -> f64 {
-    system.springs().len().max(1) as f64
+    }
 }
 
 impl Choice {
@@ -238,9 +274,21 @@ impl Choice {
             }
         };
         Ok(match self.pace {
-            Pace::Fixed(_) => method,
-            Pace::Tolerance(_) => Box::new(Doubling::new(system, method)),
+            Pace::Tolerance(_) if !self.wants_equal_steps() => {
+                Box::new(Doubling::new(system, method))
+            }
+            _ => method,
         })
+    }
+
+    /// Whether a tolerance means steps of equal size from trial runs: for
+    /// methods that do not damp vibrations they do not resolve, which a change
+    /// of step would excite.
+    pub(crate) fn wants_equal_steps(&self) -> bool {
+        matches!(
+            self.method,
+            scene::Method::ImplicitMidpoint | scene::Method::FilteredLeapfrog
+        )
     }
 
     /// Whether a matrix is factorized.

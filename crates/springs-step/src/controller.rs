@@ -12,6 +12,8 @@ use crate::ErrorEstimate;
 pub(crate) struct Controller {
     allowed_rate: f64,
     duration: f64,
+    /// Time that is left, in s.
+    left: f64,
     step_size: f64,
     last_ratio: f64,
     just_rejected: bool,
@@ -35,9 +37,37 @@ impl Controller {
         Self {
             allowed_rate: tolerance / duration,
             duration,
+            left: duration,
             step_size: first_step.min(duration),
             last_ratio: 1.0,
             just_rejected: false,
+        }
+    }
+
+    /// Goes on with another method and this step size, in s.
+    pub(crate) fn change_method(&mut self, step_size: f64) {
+        self.step_size = step_size.min(self.duration);
+        self.last_ratio = 1.0;
+    }
+
+    /// The error allowed at the end, in m.
+    pub(crate) fn tolerance(&self) -> f64 {
+        self.allowed_rate * self.duration
+    }
+
+    /// Time that is left, in s.
+    pub(crate) fn left(&self) -> f64 {
+        self.left
+    }
+
+    /// The size of step that an attempt of size `h` suggests.
+    pub(crate) fn suitable(&self, h: f64, estimate: ErrorEstimate) -> f64 {
+        let ratio = (estimate.rate / self.allowed_rate).max(1e-10);
+        let factor = SAFETY * ratio.powf(-1.0 / estimate.exponent);
+        h * if factor.is_nan() {
+            0.1
+        } else {
+            factor.clamp(0.1, 10.0)
         }
     }
 
@@ -75,6 +105,7 @@ impl Controller {
         }
         self.last_ratio = ratio;
         self.just_rejected = false;
+        self.left -= h;
         Verdict::Accept
     }
 

@@ -28,6 +28,14 @@ pub enum SetupError {
         /// The method.
         method: Method,
     },
+    /// Trial runs did not come near the tolerance.
+    #[error("{method} does not reach {tolerance:?} m with any number of steps that was tried")]
+    NotReached {
+        /// The method.
+        method: Method,
+        /// The tolerance, in m.
+        tolerance: f64,
+    },
     /// The method is of its order only for forces that do not depend on
     /// velocities.
     #[error("{method} cannot treat dashpots, and spring {spring} has one")]
@@ -56,6 +64,9 @@ impl SetupError {
         match self {
             Self::Massless { .. } => {
                 Some("give it a mass, or use an implicit method such as tr-bdf2")
+            }
+            Self::NotReached { .. } => {
+                Some("use a larger tolerance, a shorter duration, or tr-bdf2 or dop853")
             }
             Self::VelocityDependent { .. } => {
                 Some("use dop853 or tr-bdf2, or leave out the damping")
@@ -131,6 +142,9 @@ pub enum Cause {
     /// The tolerance asks for steps too small to advance the time.
     #[error("the tolerance cannot be kept: steps shrank to nothing")]
     StepTooSmall,
+    /// A method of somebody's own has no error estimate.
+    #[error("a tolerance needs a method that estimates its error, which this one does not")]
+    NoEstimate,
 }
 
 impl From<MethodError> for Cause {
@@ -154,6 +168,7 @@ impl StepError {
                  and look at masses and stiffnesses around the node"
             }
             Cause::NotConverged => "use a smaller step, or a tolerance instead of a step",
+            Cause::NoEstimate => "wrap the method in Doubling, or use steps of fixed size",
             Cause::StepTooSmall => {
                 "use a larger tolerance, and look at masses and stiffnesses around the node"
             }

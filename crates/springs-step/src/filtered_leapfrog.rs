@@ -1,6 +1,6 @@
 //! Filtered leapfrog: Verlet with kicks that pass through a stiffness matrix.
 
-use crate::stage::{OnDemand, analyze, answer, factorize};
+use crate::stage::{OnDemand, analyze, factorize};
 use crate::work::timed;
 use crate::{Anchors, ErrorEstimate, Interval, Method, MethodError, State, Work};
 use nalgebra::Vector3;
@@ -17,6 +17,9 @@ use springs_solver::SparseCholesky;
 /// filter leaves uniform motion alone; angular momentum only nearly, because
 /// the across part of S turns neighbours against each other. α = 0.3: ¼ would
 /// do for one linear spring, but blows up when very stiff springs turn.
+///
+/// Stiff springs are longer by about αh² times the acceleration they hold, so
+/// the step must not shrink on the way: what it held is then let go.
 pub struct FilteredLeapfrog {
     cholesky: SparseCholesky,
     setup: Work,
@@ -26,7 +29,8 @@ pub struct FilteredLeapfrog {
     next_accelerations: Vec<Vector3<f64>>,
     tensions: Vec<f64>,
     next_tensions: Vec<f64>,
-    is_started: bool,
+    /// Step size of the filter of the accelerations; zero before the start.
+    filtered_for: f64,
 }
 
 const ALPHA: f64 = 0.3;
@@ -48,7 +52,7 @@ impl FilteredLeapfrog {
             next_accelerations: zeros,
             tensions: vec![0.0; system.springs().len()],
             next_tensions: vec![0.0; system.springs().len()],
-            is_started: false,
+            filtered_for: 0.0,
         })
     }
 
@@ -117,7 +121,7 @@ impl Method for FilteredLeapfrog {
     }
 
     fn restart(&mut self) {
-        self.is_started = false;
+        self.filtered_for = 0.0;
     }
 
     fn step(
@@ -129,11 +133,12 @@ impl Method for FilteredLeapfrog {
         work: &mut Work,
     ) -> Result<Option<ErrorEstimate>, MethodError> {
         let h = interval.size;
-        if !self.is_started {
+        // Accelerations filtered for another step would excite vibrations.
+        if self.filtered_for != h {
             system.springs().tensions(&state.x, &mut self.next_tensions);
             self.accelerate(system, state, h, 0.0, work)?;
             self.accept();
-            self.is_started = true;
+            self.filtered_for = h;
         }
         self.next_tensions.copy_from_slice(&self.tensions);
         let moving = state.x.iter_mut().zip(&mut state.v).take(system.n_free());
@@ -147,19 +152,6 @@ impl Method for FilteredLeapfrog {
             *v += a * (0.5 * h);
         }
         Ok(None)
-    }
-
-    fn answer(
-        &mut self,
-        system: &System,
-        state: &State,
-        time_scale: f64,
-        errors: &mut [Vector3<f64>],
-        work: &mut Work,
-    ) -> bool {
-        let solver = (&mut self.cholesky, &mut self.linearization);
-        let tensions = Some(&*self.next_tensions);
-        answer(system, solver, state, tensions, time_scale, errors, work)
     }
 
     fn accept(&mut self) {

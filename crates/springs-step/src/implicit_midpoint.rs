@@ -78,19 +78,6 @@ impl Method for ImplicitMidpoint {
         Ok(None)
     }
 
-    fn answer(
-        &mut self,
-        system: &System,
-        state: &State,
-        time_scale: f64,
-        errors: &mut [Vector3<f64>],
-        work: &mut Work,
-    ) -> bool {
-        let tensions = &self.tensions.end;
-        self.stage
-            .answer(system, state, tensions, time_scale, errors, work)
-    }
-
     fn accept(&mut self) {
         self.tensions.accept();
     }

@@ -1,6 +1,6 @@
 //! States between two steps.
 
-use crate::{Anchors, Interval, Method, MethodError, NodeStates, State, Work};
+use crate::{Anchors, Choice, Interval, Method, MethodError, NodeStates, SetupError, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::System;
 
@@ -21,7 +21,25 @@ pub(crate) enum Between {
     },
 }
 
+/// Methods of at least this order need more than a polynomial between steps.
+const HIGH_ORDER: u32 = 4;
+
 impl Between {
+    /// What suits a method; of high order, another instance of it is built.
+    pub(crate) fn of(
+        choice: &Choice,
+        method: &dyn Method,
+        system: &System,
+    ) -> Result<Self, SetupError> {
+        Ok(match method.order() {
+            order if order < HIGH_ORDER => Self::Polynomial { order },
+            _ => Self::Substep {
+                method: choice.build(system)?,
+                state: State::initial(system),
+            },
+        })
+    }
+
     /// State at `time` of a step from `before` to `after` over `interval`.
     pub(crate) fn evaluate(
         &mut self,

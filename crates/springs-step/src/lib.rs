@@ -19,6 +19,7 @@
 //! ```
 
 mod anchors;
+mod auto;
 mod choose;
 mod controller;
 mod dop853;
@@ -31,6 +32,7 @@ mod interpolate;
 mod ledger;
 mod linearly_implicit_euler;
 mod method;
+mod pilot;
 mod plan;
 mod rodas4;
 mod simulation;
@@ -55,7 +57,7 @@ pub use linearly_implicit_euler::LinearlyImplicitEuler;
 pub use method::{ErrorEstimate, Interval, Method, Quadrature};
 pub use plan::StepPlan;
 pub use rodas4::Rodas4;
-pub use simulation::{Frame, Observer, Outcome, Simulation};
+pub use simulation::{Frame, Observer, Outcome, Simulation, Switch};
 pub use splitting::Splitting;
 pub use state::{NodeStates, State};
 pub use stepper::Stepper;

@@ -32,6 +32,16 @@ impl StepPlan {
         }
     }
 
+    /// Cuts `duration` in s into `n` equal steps.
+    pub(crate) fn equal(duration: f64, n: u64) -> Self {
+        Self {
+            duration,
+            step_size: duration / n as f64,
+            whole_steps: n,
+            shortened: None,
+        }
+    }
+
     /// Number of steps, the shortened one included.
     pub fn n_steps(&self) -> u64 {
         self.whole_steps + u64::from(self.shortened.is_some())

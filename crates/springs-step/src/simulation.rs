@@ -1,13 +1,14 @@
 //! The time loop: steps, frames, report.
 
-use crate::choose::choose;
-use crate::controller::{Controller, Verdict};
+use crate::auto::{Auto, Picked};
+use crate::choose::{Schedule, Start, start};
+use crate::controller::Verdict;
 use crate::interpolate::Between;
 use crate::{
-    Cause, Choice, Interval, Ledger, NodeStates, Pace, SetupError, State, StepError, StepPlan,
-    Stepper, Work,
+    Anchors, Cause, Choice, Interval, Ledger, Method, NodeStates, SetupError, State, StepError,
+    StepPlan, Stepper, Work,
 };
-use springs_assembly::{Energy, compile};
+use springs_assembly::{Energy, System, compile};
 use springs_scene::Scene;
 use std::ops::ControlFlow;
 
@@ -47,29 +48,41 @@ pub enum Outcome {
     Stopped,
 }
 
+/// A change of method during a run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Switch {
+    /// When, in s.
+    pub time: f64,
+    /// The method from then on.
+    pub method: springs_scene::Method,
+    /// Why.
+    pub reason: String,
+}
+
 /// A scene on its way through its duration.
 pub struct Simulation {
     stepper: Stepper,
     choice: Choice,
     duration: f64,
     schedule: Schedule,
+    /// Goes on choosing methods, if that is left open.
+    auto: Option<Auto>,
+    switches: Vec<Switch>,
     between: Between,
+    /// The last step, and the state before it.
+    last: Option<Interval>,
+    before: NodeStates,
     nodes: NodeStates,
     work: Work,
     ledger: Ledger,
 }
 
-/// Where the next step comes from.
-enum Schedule {
-    Fixed(StepPlan),
-    Adaptive(Controller),
-}
-
 /// Steps shorter than this part of the duration lead nowhere.
 const SMALLEST_STEP: f64 = 1e-14;
 
-/// Methods of at least this order need more than a polynomial between steps.
-const HIGH_ORDER: u32 = 4;
+/// Events are found to this part of the step they happen in.
+const EVENT_ACCURACY: f64 = 1e-12;
+const MOST_BISECTIONS: usize = 60;
 
 impl Simulation {
     /// Compiles the scene and settles method and step.
@@ -79,39 +92,63 @@ impl Simulation {
     /// If the scene is wrong or the method cannot move it.
     pub fn new(scene: &Scene) -> Result<Self, SetupError> {
         let system = compile(scene)?;
-        let choice = choose(scene, &system)?;
+        let anchors = Anchors::new(&system, &State::initial(&system));
+        let start = start(scene, &system, &anchors)?;
+        let between = Between::of(&start.choice, &*start.method, &system)?;
+        Ok(Self::starting(scene, system, start, between))
+    }
+
+    /// The same with a method of one's own, in place of that of the settings.
+    /// With a tolerance it must estimate its error; [`crate::Doubling`] makes
+    /// any method do so.
+    /// States between its steps are interpolated by a cubic polynomial, or
+    /// linearly if its order is 1.
+    ///
+    /// # Errors
+    ///
+    /// If the scene is wrong.
+    pub fn with_method(
+        scene: &Scene,
+        method: impl FnOnce(&System) -> Box<dyn Method>,
+    ) -> Result<Self, SetupError> {
+        let system = compile(scene)?;
+        let start = Start::with_method(scene, &system, method(&system));
+        let between = Between::Polynomial {
+            order: start.method.order(),
+        };
+        Ok(Self::starting(scene, system, start, between))
+    }
+
+    fn starting(scene: &Scene, system: System, start: Start, between: Between) -> Self {
         let duration = scene.settings.duration;
-        let schedule = match choice.pace {
-            Pace::Fixed(step_size) => Schedule::Fixed(StepPlan::new(duration, step_size)),
-            Pace::Tolerance(tolerance) => Schedule::Adaptive(Controller::new(
-                tolerance,
-                duration,
-                first_step(duration, system.frequency_bound()),
-            )),
-        };
-        let stepper = Stepper::chosen(system, &choice)?;
-        let between = match stepper.method().order() {
-            order if order < HIGH_ORDER => Between::Polynomial { order },
-            _ => Between::Substep {
-                method: choice.build(stepper.system())?,
-                state: State::initial(stepper.system()),
-            },
-        };
-        Ok(Self {
+        let stepper = Stepper::with_method(system, start.method);
+        let nodes = NodeStates::of(scene);
+        let mut work = stepper.method().setup();
+        work += start.work;
+        Self {
             ledger: Ledger::open(stepper.system(), stepper.state()),
-            nodes: NodeStates::of(scene),
             duration,
-            schedule,
+            schedule: start.schedule,
+            auto: start.auto,
+            switches: Vec::new(),
             between,
-            choice,
-            work: stepper.method().setup(),
+            choice: start.choice,
+            work,
             stepper,
-        })
+            last: None,
+            before: nodes.clone(),
+            nodes,
+        }
     }
 
     /// Method, tangent and step.
     pub fn choice(&self) -> &Choice {
         &self.choice
+    }
+
+    /// Changes of method so far; only `Auto` with a tolerance makes any.
+    pub fn switches(&self) -> &[Switch] {
+        &self.switches
     }
 
     /// Simulated time at the end, in s.
@@ -173,8 +210,10 @@ impl Simulation {
             return Ok(Outcome::Stopped);
         }
         while !self.is_finished() {
-            frames.remember(&self.nodes);
-            let interval = self.step()?;
+            if frames.may_lie_within() {
+                self.before.clone_from(&self.nodes);
+            }
+            let interval = self.advance()?;
             let shown = self.show_frames(&mut frames, interval, observer)?;
             if shown.is_break() || observer.step(interval.end).is_break() {
                 return Ok(match self.is_finished() {
@@ -186,6 +225,112 @@ impl Simulation {
         Ok(Outcome::Finished)
     }
 
+    /// Makes one step towards the end of the duration and says which; `None` at
+    /// the end. For a loop of one's own.
+    ///
+    /// # Errors
+    ///
+    /// If it cannot be made; nothing has changed then.
+    pub fn step(&mut self) -> Result<Option<Interval>, StepError> {
+        if self.is_finished() {
+            return Ok(None);
+        }
+        self.before.clone_from(&self.nodes);
+        let interval = self.advance()?;
+        self.last = Some(interval);
+        Ok(Some(interval))
+    }
+
+    /// The state at a time within the last [`Self::step`], to the order of the
+    /// method.
+    ///
+    /// # Errors
+    ///
+    /// If it takes a part of a step, and that cannot be made.
+    ///
+    /// # Panics
+    ///
+    /// If there was no step yet, or the time does not lie within it.
+    pub fn state_at(&mut self, time: f64, out: &mut NodeStates) -> Result<(), StepError> {
+        let interval = self.last.expect("a step was made");
+        assert!(
+            (interval.start..=interval.end).contains(&time),
+            "a time within the last step"
+        );
+        if time == interval.end {
+            out.clone_from(&self.nodes);
+            return Ok(());
+        }
+        self.evaluate(interval, time, out)
+    }
+
+    /// Steps until `event`, a function of time and state, passes from negative
+    /// to zero or above, and returns when that was and the state then; `None`
+    /// if it does not happen within the duration. The simulation itself stands
+    /// at the end of the step in which it happened, and can go on.
+    ///
+    /// An event that begins and ends within one step is not seen.
+    ///
+    /// # Errors
+    ///
+    /// If a step cannot be made.
+    pub fn run_until(
+        &mut self,
+        mut event: impl FnMut(f64, &NodeStates) -> f64,
+    ) -> Result<Option<(f64, NodeStates)>, StepError> {
+        let mut before = event(self.stepper.time(), &self.nodes);
+        while let Some(interval) = self.step()? {
+            let after = event(interval.end, &self.nodes);
+            if before < 0.0 && after >= 0.0 {
+                return self.locate(interval, event).map(Some);
+            }
+            before = after;
+        }
+        Ok(None)
+    }
+
+    /// When within the last step an event happens, by bisection.
+    fn locate(
+        &mut self,
+        interval: Interval,
+        mut event: impl FnMut(f64, &NodeStates) -> f64,
+    ) -> Result<(f64, NodeStates), StepError> {
+        let (mut early, mut late) = (interval.start, interval.end);
+        let mut found = self.nodes.clone();
+        let mut middle_state = self.nodes.clone();
+        for _ in 0..MOST_BISECTIONS {
+            let middle = 0.5 * (early + late);
+            if late - early <= EVENT_ACCURACY * interval.size || middle <= early || middle >= late {
+                break;
+            }
+            self.evaluate(interval, middle, &mut middle_state)?;
+            if event(middle, &middle_state) >= 0.0 {
+                late = middle;
+                std::mem::swap(&mut found, &mut middle_state);
+            } else {
+                early = middle;
+            }
+        }
+        Ok((late, found))
+    }
+
+    /// The state within a step from `before` to the present nodes.
+    fn evaluate(
+        &mut self,
+        interval: Interval,
+        time: f64,
+        out: &mut NodeStates,
+    ) -> Result<(), StepError> {
+        let compiled = (self.stepper.system(), self.stepper.anchors());
+        let ends = [&self.before, &self.nodes];
+        self.between
+            .evaluate(compiled, ends, interval, time, out)
+            .map_err(|error| {
+                self.stepper
+                    .error(Cause::from(error), error.block(), interval)
+            })
+    }
+
     fn is_finished(&self) -> bool {
         match self.schedule {
             Schedule::Fixed(plan) => self.stepper.steps() >= plan.n_steps(),
@@ -194,7 +339,7 @@ impl Simulation {
     }
 
     /// Makes one step that stands.
-    fn step(&mut self) -> Result<Interval, StepError> {
+    fn advance(&mut self) -> Result<Interval, StepError> {
         let interval = match self.schedule {
             Schedule::Fixed(plan) => {
                 let step = self.stepper.steps() + 1;
@@ -221,9 +366,11 @@ impl Simulation {
 
     /// Attempts steps until one is accurate enough.
     fn adaptive_step(&mut self) -> Result<Interval, StepError> {
+        self.review_method();
         let Schedule::Adaptive(controller) = &mut self.schedule else {
             unreachable!("only called with a controller");
         };
+        let counts = self.work.counts;
         let start = self.stepper.time();
         loop {
             let interval = next_interval(start, self.duration, controller.step_size());
@@ -233,8 +380,11 @@ impl Simulation {
             match attempt {
                 Err(error) if too_small => return Err(error),
                 Err(_) => controller.fail(interval.size),
-                Ok(estimate) => {
-                    let mut estimate = estimate.expect("methods are built with an estimate");
+                Ok(None) => {
+                    self.stepper.reject(&self.nodes);
+                    return Err(self.stepper.error(Cause::NoEstimate, 0, interval));
+                }
+                Ok(Some(mut estimate)) => {
                     if !controller.is_clear(estimate)
                         && let Some(second) = self.stepper.second_estimate(&mut self.work)
                     {
@@ -244,6 +394,9 @@ impl Simulation {
                         Verdict::Accept => {
                             self.stepper
                                 .accept(&mut self.nodes, interval, &mut self.work);
+                            if let Some(auto) = &mut self.auto {
+                                auto.record(interval.size, self.work.counts - counts);
+                            }
                             return Ok(interval);
                         }
                         Verdict::Reject if too_small => {
@@ -257,6 +410,41 @@ impl Simulation {
             }
             self.work.counts.rejected_steps += 1;
         }
+    }
+
+    /// Goes on with another method, if methods are chosen and one has become
+    /// clearly cheaper.
+    fn review_method(&mut self) {
+        let (Some(auto), Schedule::Adaptive(controller)) = (&mut self.auto, &mut self.schedule)
+        else {
+            return;
+        };
+        if !auto.is_review_due() {
+            return;
+        }
+        let compiled = (self.stepper.system(), self.stepper.anchors());
+        let picked = auto.review(compiled, self.stepper.state(), controller);
+        // A method that cannot be built is no choice.
+        let Ok(Some(picked)) = picked else { return };
+        let Ok(between) = Between::of(&picked.choice, &*picked.method, self.stepper.system())
+        else {
+            return;
+        };
+        let Picked {
+            method,
+            choice,
+            step_size,
+        } = picked;
+        self.work += method.setup();
+        controller.change_method(step_size);
+        self.between = between;
+        auto.put_back(self.choice.method, self.stepper.change_method(method));
+        self.switches.push(Switch {
+            time: self.stepper.time(),
+            method: choice.method,
+            reason: choice.reason.clone(),
+        });
+        self.choice.method = choice.method;
     }
 
     fn show_frames(
@@ -274,14 +462,7 @@ impl Simulation {
                 frames.show(time, &self.nodes, observer)
             } else {
                 let mut between = std::mem::take(&mut frames.between);
-                let compiled = (self.stepper.system(), self.stepper.anchors());
-                let ends = [&frames.before, &self.nodes];
-                self.between
-                    .evaluate(compiled, ends, interval, time, &mut between)
-                    .map_err(|error| {
-                        let block = error.block();
-                        self.stepper.error(Cause::from(error), block, interval)
-                    })?;
+                self.evaluate(interval, time, &mut between)?;
                 let shown = frames.show(time, &between, observer);
                 frames.between = between;
                 shown
@@ -292,13 +473,6 @@ impl Simulation {
         }
         Ok(ControlFlow::Continue(()))
     }
-}
-
-/// A first step that is short for anything the scene can do; the controller
-/// lengthens it quickly.
-fn first_step(duration: f64, fastest: f64) -> f64 {
-    let resolving = 0.1 / fastest;
-    (duration / 100.0).min(resolving.max(1e-6 * duration))
 }
 
 /// The next step of about `h`: to the end if that is near, and in two equal
@@ -322,8 +496,6 @@ struct Frames {
     duration: f64,
     intervals: usize,
     next: usize,
-    /// State before the present step.
-    before: NodeStates,
     between: NodeStates,
 }
 
@@ -337,7 +509,6 @@ impl Frames {
             duration,
             intervals,
             next: 0,
-            before: nodes.clone(),
             between: nodes.clone(),
         }
     }
@@ -360,11 +531,9 @@ impl Frames {
         }
     }
 
-    /// Keeps the state before a step, if there are frames that could lie in it.
-    fn remember(&mut self, nodes: &NodeStates) {
-        if self.next_time().is_some_and(|time| time < self.duration) {
-            self.before.clone_from(nodes);
-        }
+    /// Whether the next frame may lie within a step.
+    fn may_lie_within(&self) -> bool {
+        self.next_time().is_some_and(|time| time < self.duration)
     }
 
     /// Shows the next frame.

@@ -1,9 +1,8 @@
 //! Single steps: gather, step, copy back.
 
-use crate::choose::choose;
+use crate::choose::start;
 use crate::{
-    Anchors, Cause, Choice, ErrorEstimate, Interval, Method, NodeStates, SetupError, State,
-    StepError, Work,
+    Anchors, Cause, ErrorEstimate, Interval, Method, NodeStates, SetupError, State, StepError, Work,
 };
 use springs_assembly::{System, compile};
 use springs_scene::Scene;
@@ -54,12 +53,8 @@ impl Stepper {
     /// If the scene is wrong or the method cannot move it.
     pub fn new(scene: &Scene) -> Result<Self, SetupError> {
         let system = compile(scene)?;
-        let choice = choose(scene, &system)?;
-        Self::chosen(system, &choice)
-    }
-
-    pub(crate) fn chosen(system: System, choice: &Choice) -> Result<Self, SetupError> {
-        let method = choice.build(&system)?;
+        let anchors = Anchors::new(&system, &State::initial(&system));
+        let method = start(scene, &system, &anchors)?.method;
         Ok(Self::with_method(system, method))
     }
 
@@ -103,6 +98,11 @@ impl Stepper {
     /// The method.
     pub fn method(&self) -> &dyn Method {
         &*self.method
+    }
+
+    /// Goes on with another method, and gives back the one before.
+    pub(crate) fn change_method(&mut self, method: Box<dyn Method>) -> Box<dyn Method> {
+        std::mem::replace(&mut self.method, method)
     }
 
     /// The global vectors after the last step.

@@ -179,8 +179,12 @@ impl Method for TrBdf2 {
     }
 
     /// What an error of velocities does to positions over the time scale of the
-    /// motion τ, with springs answering: τ(M + τ²S)⁻¹M e instead of τ e. Errors
-    /// of fast vibrations stay small then, however long they ring.
+    /// motion τ, with springs answering: τ(M + τhS)⁻¹M e instead of τ e.
+    ///
+    /// An error in a vibration of frequency ω moves positions by e/ω, not by
+    /// τ e, and adds up step by step as long as the step resolves the vibration,
+    /// hω < 1; the weight τ/(1 + τhω²) is at least that 1/ω there, and falls off
+    /// beyond, where L-stability damps.
     fn second_estimate(
         &mut self,
         system: &System,
@@ -188,9 +192,11 @@ impl Method for TrBdf2 {
         work: &mut Work,
     ) -> Option<ErrorEstimate> {
         let (tau, tensions) = (self.time_scale, &self.tensions.end);
+        let geometric = tau.powf(0.75) * self.step_size.powf(0.25);
+        let errors = &mut self.errors;
         let answered = self
             .stage
-            .answer(system, state, tensions, tau, &mut self.errors, work);
+            .answer(system, state, tensions, geometric, errors, work);
         let (block, error) = largest(&self.errors);
         answered.then_some(ErrorEstimate {
             rate: tau * error / self.step_size,

@@ -1,6 +1,6 @@
 //! What steps cost: counts and times.
 
-use std::ops::AddAssign;
+use std::ops::{AddAssign, Sub};
 use std::time::{Duration, Instant};
 
 /// How often each kind of work was done.
@@ -59,6 +59,24 @@ impl AddAssign for Work {
         self.phases.assembly += other.phases.assembly;
         self.phases.factorization += other.phases.factorization;
         self.phases.solve += other.phases.solve;
+    }
+}
+
+impl Sub for Counts {
+    type Output = Self;
+
+    /// What was done since an earlier count.
+    fn sub(self, earlier: Self) -> Self {
+        Self {
+            steps: self.steps - earlier.steps,
+            rejected_steps: self.rejected_steps - earlier.rejected_steps,
+            force_evaluations: self.force_evaluations - earlier.force_evaluations,
+            symbolic_factorizations: self.symbolic_factorizations - earlier.symbolic_factorizations,
+            factorizations: self.factorizations - earlier.factorizations,
+            solves: self.solves - earlier.solves,
+            newton_iterations: self.newton_iterations - earlier.newton_iterations,
+            clamped_springs: self.clamped_springs - earlier.clamped_springs,
+        }
     }
 }
 

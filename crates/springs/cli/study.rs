@@ -6,9 +6,12 @@ use super::{Advised, Ending, Unwritten, say, say_error, watch_for_interrupt};
 use indicatif::{ProgressBar, ProgressStyle};
 use springs::io::write_whole;
 use springs::scene::Method;
-use springs::study::{Options, Progress, StudyError, csv, diagram, recommendations, study, table};
+use springs::study::{
+    Options, Progress, StabilityMap, Study, StudyError, csv, diagram, recommendations, stability,
+    stability_csv, stability_diagram, study, table,
+};
 use std::ops::ControlFlow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
@@ -28,6 +31,9 @@ pub(crate) struct StudyArguments {
     /// How often short runs are repeated; the median counts
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
     repeats: u32,
+    /// Map what becomes of the energy over step size and stiffness instead
+    #[arg(long)]
+    stability: bool,
     /// No progress and no table
     #[arg(long)]
     quiet: bool,
@@ -47,13 +53,19 @@ fn positive(text: &str) -> Result<f64, String> {
 const CSV: &str = "study.csv";
 const JSON: &str = "study.json";
 const DIAGRAM: &str = "study.svg";
+const MAP_CSV: &str = "stability.csv";
+const MAP_DIAGRAM: &str = "stability.svg";
 
 pub(crate) fn study_command(arguments: &StudyArguments) -> anyhow::Result<Ending> {
     let folder = match &arguments.out {
         Some(folder) => folder.clone(),
         None => arguments.scene.stem(),
     };
-    claim(&folder, &[CSV, JSON, DIAGRAM], arguments.force)?;
+    let files: &[&str] = match arguments.stability {
+        true => &[MAP_CSV, MAP_DIAGRAM],
+        false => &[CSV, JSON, DIAGRAM],
+    };
+    claim(&folder, files, arguments.force)?;
     let source = arguments.scene.load()?;
     let mut options = Options {
         budget: Duration::from_secs_f64(arguments.budget),
@@ -79,32 +91,62 @@ pub(crate) fn study_command(arguments: &StudyArguments) -> anyhow::Result<Ending
             false => ControlFlow::Continue(()),
         }
     };
-    let made = study(&source.scene, &options, &mut watch);
+    let ending = match arguments.stability {
+        true => stability(&source.scene, &options, &mut watch).map(|map| {
+            bar.finish_and_clear();
+            write_map(&map, &folder, arguments.quiet)
+        }),
+        false => study(&source.scene, &options, &mut watch).map(|study| {
+            bar.finish_and_clear();
+            write_study(&study, &folder, arguments.quiet)
+        }),
+    };
     bar.finish_and_clear();
-    let study = match made {
-        Ok(study) => study,
-        Err(StudyError::Setup(error)) => return Err(source.advised(&error).into()),
+    match ending {
+        Ok(ending) => ending,
+        Err(StudyError::Setup(error)) => Err(source.advised(&error).into()),
         Err(StudyError::Stopped) => {
             say_error("interrupted before there was a reference solution; nothing is written");
-            return Ok(Ending::Interrupted);
+            Ok(Ending::Interrupted)
         }
-        Err(error) => {
-            return Err(Advised {
-                message: error.to_string(),
-                advice: Some("give it more time with --budget, or a shorter --duration".to_owned()),
-            }
-            .into());
+        Err(error) => Err(Advised {
+            message: error.to_string(),
+            advice: Some("give it more time with --budget, or a shorter --duration".to_owned()),
         }
-    };
+        .into()),
+    }
+}
 
-    make_folder(&folder)?;
-    let write = |name: &str, text: &str| -> Result<(), Unwritten> {
-        Ok(write_whole(&folder.join(name), text.as_bytes())?)
-    };
-    write(CSV, &csv(&study))?;
-    write(JSON, &(serde_json::to_string_pretty(&study)? + "\n"))?;
-    write(DIAGRAM, &diagram(&study))?;
-    if !arguments.quiet {
+fn write(folder: &Path, name: &str, text: &str) -> Result<(), Unwritten> {
+    Ok(write_whole(&folder.join(name), text.as_bytes())?)
+}
+
+fn write_map(map: &StabilityMap, folder: &Path, quiet: bool) -> anyhow::Result<Ending> {
+    make_folder(folder)?;
+    write(folder, MAP_CSV, &stability_csv(map))?;
+    write(folder, MAP_DIAGRAM, &stability_diagram(map))?;
+    if !quiet {
+        for (method, why) in &map.refused {
+            say(&format!("left out {method}: {why}"));
+        }
+        say(&format!(
+            "{} runs; wrote {MAP_CSV}, {MAP_DIAGRAM} into {}",
+            map.trials.len(),
+            folder.display()
+        ));
+    }
+    Ok(match map.interrupted {
+        true => Ending::Interrupted,
+        false => Ending::Done,
+    })
+}
+
+fn write_study(study: &Study, folder: &Path, quiet: bool) -> anyhow::Result<Ending> {
+    make_folder(folder)?;
+    write(folder, CSV, &csv(study))?;
+    write(folder, JSON, &(serde_json::to_string_pretty(study)? + "\n"))?;
+    write(folder, DIAGRAM, &diagram(study))?;
+    if !quiet {
         say(&format!(
             "{}{} s, reference by {} at {:.0e} m, uncertain by {:.0e} m (against {})\n",
             match study.scene.as_str() {
@@ -117,11 +159,11 @@ pub(crate) fn study_command(arguments: &StudyArguments) -> anyhow::Result<Ending
             study.reference.uncertainty,
             study.reference.compared_with,
         ));
-        say(&table(&study));
+        say(&table(study));
         for (method, why) in &study.refused {
             say(&format!("left out {method}: {why}"));
         }
-        for sentence in recommendations(&study) {
+        for sentence in recommendations(study) {
             say(&sentence);
         }
         say(&format!(

@@ -27,7 +27,12 @@ pub(crate) fn summary(scene: &Scene, report: &Report, folder: &Path, written: &[
         None => String::new(),
     };
     let sizes = match (report.step_size, report.tolerance) {
-        (Some(step_size), _) => format!(" of {} s{shortened}", short(step_size)),
+        (Some(step_size), None) => format!(" of {} s{shortened}", short(step_size)),
+        (Some(step_size), Some(tolerance)) => format!(
+            " of {} s for an error of {} m",
+            short(step_size),
+            short(tolerance)
+        ),
         (None, tolerance) => format!(
             " for an error of {} m, {} rejected",
             short(tolerance.unwrap_or(0.0)),
@@ -42,6 +47,14 @@ pub(crate) fn summary(scene: &Scene, report: &Report, folder: &Path, written: &[
     ));
     if let Some(reason) = &report.reason {
         lines.push(format!("  chosen because {reason}"));
+    }
+    for switch in &report.switches {
+        lines.push(format!(
+            "  from {} s on with {}, {}",
+            short(switch.time),
+            switch.method,
+            switch.reason
+        ));
     }
     let seconds = &report.seconds;
     let parts = [

@@ -4,14 +4,21 @@
 //! runs the methods over a sweep of tolerances and steps, and sets the time
 //! each run took beside the error it ended with. The error is the largest
 //! distance of a node from its place in the reference at the end.
+//!
+//! A [`StabilityMap`] says what becomes of the scene's energy at any step size
+//! and stiffness.
 
 mod diagram;
 mod reference;
+mod stability;
 mod sweep;
 mod words;
 
 pub use diagram::diagram;
 pub use reference::Reference;
+pub use stability::{
+    Fate, StabilityMap, StabilityTrial, stability, stability_csv, stability_diagram,
+};
 pub use sweep::{Setting, Trial};
 pub use words::{csv, recommendations, table};
 

@@ -1,0 +1,527 @@
+//! The method of `Auto` with a tolerance: tried out on the scene itself.
+
+use crate::choose::{Choice, Schedule, Start, can_move};
+use crate::controller::Controller;
+use crate::pilot::equal_steps;
+use crate::work::Counts;
+use crate::{Anchors, Interval, Method, SetupError, State, StepPlan, Work};
+use springs_assembly::System;
+use springs_scene::{self as scene, Scene};
+use springs_solver::{FactorSize, SparseCholesky};
+
+/// Chooses among the methods by what they would cost from here on.
+///
+/// A candidate is tried by attempting a step from the present state until its
+/// size suits the tolerance. What that step did, counted and weighted with the
+/// cost of each operation, over its size is the price of the method. A
+/// candidate is tried only if trying costs a small part of what is left to do
+/// with the best one so far, so that the choice costs little even where the
+/// whole run does. Since counts decide and not clocks, the same scene gets the
+/// same methods on every machine.
+///
+/// The choice is reviewed during the run: when steps have come to cost much
+/// more or less than at the last review, and now and then anyway.
+pub(crate) struct Auto {
+    candidates: Vec<Candidate>,
+    current: usize,
+    costs: Costs,
+    /// Cost of steps since the last review, the time they covered in s, and the
+    /// cost of that review.
+    spent: f64,
+    covered: f64,
+    review_cost: f64,
+    /// What the method in use cost at the last review, in ns/s, and the size of
+    /// the last step.
+    price: f64,
+    step_size: f64,
+    tried: State,
+}
+
+/// A method that may be chosen.
+struct Candidate {
+    choice: Choice,
+    /// Longest step that is stable, in s; infinite for implicit methods.
+    longest_step: f64,
+    /// Force evaluations of a step with an explicit method, 0 for an implicit
+    /// one.
+    evaluations: f64,
+    /// The method, unless it is in use or was not built yet.
+    idle: Option<Box<dyn Method>>,
+}
+
+/// A method to go on with.
+pub(crate) struct Picked {
+    pub(crate) method: Box<dyn Method>,
+    pub(crate) choice: Choice,
+    /// The size of step it was tried with, in s.
+    pub(crate) step_size: f64,
+}
+
+/// Method, force evaluations of an attempt (a whole step and two halves, where
+/// there is no estimate of its own), and angle ωh up to which it is stable.
+const EXPLICIT: [(scene::Method, f64, f64); 4] = [
+    (scene::Method::Dop853, 12.0, 4.5),
+    (scene::Method::VelocityVerlet, 3.0, 2.0),
+    (scene::Method::BlanesMoan4, 18.0, 5.0),
+    (scene::Method::BlanesMoan6, 33.0, 9.0),
+];
+/// RODAS4 is not among them: from rest it promises steps that it does not keep.
+const IMPLICIT: [scene::Method; 1] = [scene::Method::TrBdf2];
+
+/// Trying a candidate may cost this part of what is left to do.
+const SHARE: f64 = 0.1;
+/// Attempts that a trial takes at most, and usually.
+const MOST_ATTEMPTS: usize = 4;
+const USUAL_ATTEMPTS: f64 = 2.0;
+/// Factorizations of an attempt with an implicit method, usually.
+const USUAL_FACTORIZATIONS: f64 = 8.0;
+/// Trial runs with equal steps may cost this part of the whole run; they have at
+/// least so many steps, and if they are begun may have so many.
+const TRIAL_RUNS: f64 = 0.5;
+const FEWEST_TRIAL_STEPS: f64 = 24.0;
+const USUAL_TRIAL_STEPS: f64 = 120.0;
+/// Adaptive steps cost more than they seem to at the start, where most scenes
+/// are at rest.
+const FROM_REST: f64 = 2.0;
+/// Implicit methods are not trusted with fewer steps for what is left.
+const FEWEST_STEPS: f64 = 10.0;
+/// Another method must be so many times cheaper than the present one.
+const CLEARLY: f64 = 1.3;
+/// A review is due when steps have cost so many times the last one.
+const REVIEW_COSTS: f64 = 5.0;
+const REVIEW_ANYWAY: f64 = 40.0;
+/// A price has changed by much if it has by this factor.
+const MUCH: f64 = 2.5;
+
+impl Auto {
+    /// The candidates for a scene.
+    ///
+    /// # Errors
+    ///
+    /// If the matrix cannot be analyzed.
+    pub(crate) fn new(scene: &Scene, system: &System, choice: &Choice) -> Result<Self, SetupError> {
+        let fastest = system.frequency_bound().max(system.damping_rate_bound());
+        let candidate = |method, evaluations, longest_step| Candidate {
+            choice: Choice {
+                method,
+                ..choice.clone()
+            },
+            longest_step,
+            evaluations,
+            idle: None,
+        };
+        let explicit = EXPLICIT
+            .iter()
+            .map(|&(method, evaluations, angle)| candidate(method, evaluations, angle / fastest));
+        let implicit = IMPLICIT.map(|method| candidate(method, 0.0, f64::INFINITY));
+        let candidates = explicit.chain(implicit);
+        Ok(Self {
+            candidates: candidates
+                .filter(|candidate| can_move(scene, system, candidate.choice.method).is_ok())
+                .collect(),
+            current: 0,
+            costs: Costs::of(system),
+            spent: 0.0,
+            review_cost: 0.0,
+            covered: 0.0,
+            price: 0.0,
+            step_size: 0.0,
+            tried: State::initial(system),
+        })
+    }
+
+    /// What to start with. TR-BDF2 can move any scene, so there is a candidate.
+    pub(crate) fn start(
+        mut self,
+        compiled: (&System, &Anchors),
+        mut controller: Controller,
+    ) -> Result<Start, SetupError> {
+        let picked = self.begin(compiled, &controller)?;
+        let price = self.price;
+        let is_explicit = self.candidates[self.current].evaluations > 0.0;
+        let mut start = Start {
+            choice: picked.choice,
+            method: picked.method,
+            work: Work::default(),
+            auto: None,
+            schedule: Schedule::Fixed(StepPlan::equal(controller.left(), 1)),
+        };
+        if controller.left() > 0.0
+            && self.equal_steps_are_cheaper(compiled, &controller, price, &mut start)?
+        {
+            return Ok(start);
+        }
+        // What looks good at rest may be too long once it moves; explicit steps
+        // are bounded anyway.
+        controller.change_method(match is_explicit {
+            true => picked.step_size,
+            false => picked.step_size.min(controller.step_size()),
+        });
+        start.schedule = Schedule::Adaptive(controller);
+        start.auto = Some(self);
+        Ok(start)
+    }
+
+    /// Finds out by trial runs whether filtered leapfrog is cheaper than steps
+    /// of the given price, and starts with it if so.
+    fn equal_steps_are_cheaper(
+        &mut self,
+        (system, anchors): (&System, &Anchors),
+        controller: &Controller,
+        price: f64,
+        start: &mut Start,
+    ) -> Result<bool, SetupError> {
+        let (duration, tolerance) = (controller.left(), controller.tolerance());
+        let to_beat = price * duration;
+        // Explicit steps keep what they promise: stability bounds them.
+        let is_explicit = self.candidates[self.current].evaluations > 0.0;
+        let from_rest = if is_explicit { 1.0 } else { FROM_REST };
+        let (budget, fewest) = (TRIAL_RUNS * from_rest * to_beat, FEWEST_TRIAL_STEPS);
+        if fewest * self.costs.step_with_matrix() > budget {
+            return Ok(false);
+        }
+        self.costs.learn_matrix(system)?;
+        let step = self.costs.step_with_matrix();
+        if self.costs.analysis + fewest * step > budget {
+            return Ok(false);
+        }
+        let choice = Choice {
+            method: scene::Method::FilteredLeapfrog,
+            ..start.choice.clone()
+        };
+        let mut method = choice.build(system)?;
+        let affordable = match is_explicit {
+            true => budget / step,
+            false => (budget / step).max(USUAL_TRIAL_STEPS),
+        };
+        let (compiled, task) = ((system, anchors), (duration, tolerance));
+        let steps = equal_steps(compiled, &mut *method, task, affordable, &mut start.work);
+        let Some(steps) = steps.filter(|steps| steps.n as f64 * step < from_rest * to_beat) else {
+            return Ok(false);
+        };
+        method.restart();
+        start.choice = Choice {
+            reason: steps.to_string(),
+            ..choice
+        };
+        start.method = method;
+        start.schedule = Schedule::Fixed(StepPlan::equal(duration, steps.n));
+        Ok(true)
+    }
+
+    /// The method to begin with among those with error control.
+    fn begin(
+        &mut self,
+        compiled: (&System, &Anchors),
+        controller: &Controller,
+    ) -> Result<Picked, SetupError> {
+        let system = compiled.0;
+        let state = &State::initial(system);
+        if controller.left() == 0.0 {
+            self.ensure_built(system, 0)?;
+            return Ok(self.hand_over(Trial::default(), "there is nothing to do".to_owned()));
+        }
+        self.ensure_built(system, 0)?;
+        let (mut best, mut cost) = self.try_out_from_rest(compiled, state, controller, 0);
+        for index in 1..self.candidates.len() {
+            if self.is_worth_trying(system, controller, index, best.price)? {
+                let (tried, took) = self.try_out_from_rest(compiled, state, controller, index);
+                cost += took;
+                if tried.price < best.price {
+                    (best, self.current) = (tried, index);
+                }
+            }
+        }
+        (self.review_cost, self.price) = (cost, best.price);
+        Ok(self.hand_over(best, String::new()))
+    }
+
+    /// Takes note of a step of size `h` that did `counts`.
+    pub(crate) fn record(&mut self, h: f64, counts: Counts) {
+        self.spent += self.costs.of_counts(&counts);
+        self.covered += h;
+        self.step_size = h;
+    }
+
+    /// Whether it is time to compare the methods again.
+    pub(crate) fn is_review_due(&self) -> bool {
+        let ratio = self.spent / self.covered / self.price;
+        let has_changed = !(1.0 / MUCH..MUCH).contains(&ratio);
+        self.spent > REVIEW_COSTS * self.review_cost
+            && (has_changed || self.spent > REVIEW_ANYWAY * self.review_cost)
+    }
+
+    /// Compares the method in use with the others; another one is handed over
+    /// if it is clearly cheaper.
+    pub(crate) fn review(
+        &mut self,
+        (system, anchors): (&System, &Anchors),
+        state: &State,
+        controller: &Controller,
+    ) -> Result<Option<Picked>, SetupError> {
+        let compiled = (system, anchors);
+        let mut best: Option<(usize, Trial)> = None;
+        self.price = self.spent / self.covered;
+        let mut to_beat = self.price / CLEARLY;
+        let mut cost = 0.0;
+        for index in 0..self.candidates.len() {
+            if index != self.current && self.is_worth_trying(system, controller, index, to_beat)? {
+                let h = Some(self.step_size);
+                let (tried, took) = self.try_out(compiled, state, controller, index, h);
+                cost += took;
+                if tried.price < to_beat {
+                    to_beat = tried.price;
+                    best = Some((index, tried));
+                }
+            }
+        }
+        // Even where nothing was tried it is not asked again at once.
+        self.review_cost = cost.max(self.review_cost).max(self.price * self.step_size);
+        (self.spent, self.covered) = (0.0, 0.0);
+        Ok(best.map(|(index, trial)| {
+            let why = format!("{:.1} times cheaper from then on", self.price / trial.price);
+            (self.current, self.price) = (index, trial.price);
+            self.hand_over(trial, why)
+        }))
+    }
+
+    /// Takes back the method that was in use.
+    pub(crate) fn put_back(&mut self, which: scene::Method, method: Box<dyn Method>) {
+        let mut candidates = self.candidates.iter_mut();
+        if let Some(candidate) = candidates.find(|candidate| candidate.choice.method == which) {
+            candidate.idle = Some(method);
+        }
+    }
+
+    fn hand_over(&mut self, trial: Trial, why: String) -> Picked {
+        let candidate = &mut self.candidates[self.current];
+        let reason = match why.is_empty() {
+            false => why,
+            true => format!(
+                "by trial steps it is the cheapest for this tolerance: about {:.0e} s of work a \
+                 simulated second, in steps of {:.1e} s",
+                1e-9 * trial.price,
+                trial.step_size
+            ),
+        };
+        let mut method = candidate.idle.take().expect("it was tried out");
+        method.restart();
+        Picked {
+            method,
+            choice: Choice {
+                reason,
+                ..candidate.choice.clone()
+            },
+            step_size: trial.step_size,
+        }
+    }
+
+    fn ensure_built(&mut self, system: &System, index: usize) -> Result<(), SetupError> {
+        let candidate = &mut self.candidates[index];
+        if candidate.idle.is_none() {
+            candidate.idle = Some(candidate.choice.build(system)?);
+        }
+        Ok(())
+    }
+
+    /// Whether a candidate could be cheaper than `price`, and finding out costs
+    /// little; it is then built.
+    fn is_worth_trying(
+        &mut self,
+        system: &System,
+        controller: &Controller,
+        index: usize,
+        price: f64,
+    ) -> Result<bool, SetupError> {
+        let left = controller.left();
+        let longest = self.longest_step(index, left);
+        let candidate = &self.candidates[index];
+        let is_built = candidate.idle.is_some();
+        let attempt = match candidate.evaluations {
+            0.0 => {
+                if !self.costs.is_matrix_known() {
+                    // Without fill it would cost at least this.
+                    let least = self.costs.attempt_with_matrix() + self.costs.analysis;
+                    if least > SHARE * price * left {
+                        return Ok(false);
+                    }
+                    self.costs.learn_matrix(system)?;
+                }
+                let setup = if is_built { 0.0 } else { self.costs.analysis };
+                self.costs.attempt_with_matrix() + setup / USUAL_ATTEMPTS
+            }
+            evaluations => {
+                if evaluations * self.costs.force > price * longest {
+                    return Ok(false);
+                }
+                evaluations * self.costs.force
+            }
+        };
+        let is_worth_it = USUAL_ATTEMPTS * attempt < SHARE * price * left;
+        if is_worth_it {
+            self.ensure_built(system, index)?;
+        }
+        Ok(is_worth_it)
+    }
+
+    fn longest_step(&self, index: usize, left: f64) -> f64 {
+        match self.candidates[index].longest_step {
+            f64::INFINITY => left / FEWEST_STEPS,
+            stable => stable.min(left),
+        }
+    }
+
+    /// [`Self::try_out`] at the start, and for implicit methods once more where
+    /// the step leads: from rest they would promise steps that they do not keep.
+    fn try_out_from_rest(
+        &mut self,
+        compiled: (&System, &Anchors),
+        state: &State,
+        controller: &Controller,
+        index: usize,
+    ) -> (Trial, f64) {
+        let (first, cost) = self.try_out(compiled, state, controller, index, None);
+        if self.candidates[index].evaluations > 0.0 || !first.price.is_finite() {
+            return (first, cost);
+        }
+        let mut moving = self.tried.clone();
+        moving.time += first.step_size;
+        let h = Some(first.step_size);
+        let (second, more) = self.try_out(compiled, &moving, controller, index, h);
+        match second.price > first.price {
+            true => (second, cost + more),
+            false => (first, cost + more),
+        }
+    }
+
+    /// Finds the step size that suits a candidate, beginning with `h`; also
+    /// returns what that cost.
+    fn try_out(
+        &mut self,
+        (system, anchors): (&System, &Anchors),
+        state: &State,
+        controller: &Controller,
+        index: usize,
+        h: Option<f64>,
+    ) -> (Trial, f64) {
+        let longest = self.longest_step(index, controller.left());
+        let candidate = &mut self.candidates[index];
+        let method = candidate.idle.as_mut().expect("it is built");
+        let mut h = h.unwrap_or(longest).min(longest);
+        let mut total = 0.0;
+        let mut trial = Trial {
+            price: f64::INFINITY,
+            step_size: h,
+        };
+        for _ in 0..MOST_ATTEMPTS {
+            self.tried.clone_from(state);
+            method.restart();
+            let interval = Interval {
+                start: state.time,
+                end: state.time + h,
+                size: h,
+            };
+            let mut work = Work::default();
+            let estimate = method
+                .step(system, anchors, interval, &mut self.tried, &mut work)
+                .ok()
+                .flatten();
+            let estimate = estimate.map(|first| {
+                match controller.is_clear(first) {
+                    true => None,
+                    false => method.second_estimate(system, &self.tried, &mut work),
+                }
+                .unwrap_or(first)
+            });
+            let cost = self.costs.of_counts(&work.counts);
+            total += cost;
+            let suits = match estimate {
+                Some(estimate) => controller.suitable(h, estimate).min(longest),
+                None => 0.1 * h,
+            };
+            trial = Trial {
+                price: cost / suits,
+                step_size: suits,
+            };
+            if (0.6..1.7).contains(&(suits / h)) {
+                break;
+            }
+            h = suits;
+        }
+        (trial, total)
+    }
+}
+
+/// What became of trying a candidate.
+#[derive(Default)]
+struct Trial {
+    /// Cost of a step over its size, in ns/s.
+    price: f64,
+    step_size: f64,
+}
+
+/// Cost of each operation in ns, roughly; only their ratios matter.
+struct Costs {
+    force: f64,
+    linearization: f64,
+    factorization: f64,
+    solve: f64,
+    analysis: f64,
+    size: Option<FactorSize>,
+}
+
+impl Costs {
+    fn of(system: &System) -> Self {
+        let springs = (system.springs().len() + system.dashpots().len()) as f64;
+        let nodes = system.n_free() as f64;
+        let pairs = system.pattern().pairs().len() as f64;
+        let entries = 6.0 * nodes + 9.0 * pairs;
+        let mut costs = Self {
+            force: 50.0 + 9.0 * springs + 12.0 * nodes,
+            linearization: 100.0 + 25.0 * springs + 20.0 * nodes,
+            analysis: 5e3 + 500.0 * nodes + 150.0 * pairs,
+            factorization: 0.0,
+            solve: 0.0,
+            size: None,
+        };
+        costs.set_size(FactorSize {
+            entries,
+            flops: 0.0,
+        });
+        costs
+    }
+
+    fn set_size(&mut self, size: FactorSize) {
+        self.factorization = 300.0 + 5.0 * size.entries + size.flops / 45.0;
+        self.solve = 100.0 + 2.5 * size.entries;
+    }
+
+    fn is_matrix_known(&self) -> bool {
+        self.size.is_some()
+    }
+
+    fn learn_matrix(&mut self, system: &System) -> Result<(), SetupError> {
+        if self.size.is_none() {
+            let size = SparseCholesky::count(system.n_free(), system.pattern().pairs())?;
+            self.set_size(size);
+            self.size = Some(size);
+        }
+        Ok(())
+    }
+
+    fn step_with_matrix(&self) -> f64 {
+        self.linearization + self.factorization + self.solve
+    }
+
+    fn attempt_with_matrix(&self) -> f64 {
+        USUAL_FACTORIZATIONS * self.step_with_matrix()
+    }
+
+    fn of_counts(&self, counts: &Counts) -> f64 {
+        let linearizations = counts.factorizations;
+        let forces = counts.force_evaluations.saturating_sub(linearizations);
+        forces as f64 * self.force
+            + linearizations as f64 * (self.linearization + self.factorization)
+            + counts.solves as f64 * self.solve
+    }
+}
