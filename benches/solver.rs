@@ -25,7 +25,14 @@ fn solver(criterion: &mut Criterion) {
         let pairs = system.pattern().pairs();
 
         let id = |what| BenchmarkId::new(what, &scene.name);
-        let analyze = || SparseCholesky::analyze(system.n_free(), pairs).expect("enough memory");
+        let n_free = system.n_free();
+        let positions: Vec<[f64; 3]> = system.initial_positions()[..n_free]
+            .iter()
+            .map(|position| (*position).into())
+            .collect();
+        let analyze = || {
+            SparseCholesky::analyze_at(n_free, pairs, Some(&positions), 1).expect("enough memory")
+        };
         group.bench_function(id("symbolic"), |bencher| bencher.iter(analyze));
         let mut cholesky = analyze();
         group.bench_function(id("factorization"), |bencher| {
@@ -35,7 +42,7 @@ fn solver(criterion: &mut Criterion) {
                     .expect("positive definite")
             });
         });
-        let mut rhs = vec![1.0; 3 * system.n_free()];
+        let mut rhs = vec![1.0; 3 * n_free];
         group.bench_function(id("solve"), |bencher| {
             bencher.iter(|| {
                 rhs.fill(1.0);

@@ -46,7 +46,7 @@ pub fn report(scene: &Scene, simulation: &Simulation, ending: Ending, timings: T
         .to_owned(),
         method: choice.method.to_string(),
         tangent: choice.tangent.map(|tangent| tangent.to_string()),
-        threads: 1,
+        threads: simulation.stepper().system().threads(),
         nodes: scene.nodes.len(),
         springs: scene.springs.len(),
         unknowns: 3 * simulation.stepper().system().n_free(),

@@ -5,6 +5,7 @@ use crate::{
 };
 use nalgebra::Vector3;
 use springs_scene::Scene;
+use std::num::NonZeroUsize;
 use std::sync::Arc;
 
 /// A compiled scene.
@@ -19,6 +20,7 @@ pub struct System {
     dashpots: Dashpots,
     gravity: Gravity,
     pattern: Arc<BlockPattern>,
+    threads: usize,
     initial_positions: Vec<Vector3<f64>>,
     initial_velocities: Vec<Vector3<f64>>,
 }
@@ -79,7 +81,16 @@ impl System {
             dashpots,
             gravity,
             pattern: Arc::new(pattern),
+            threads: match scene.settings.threads {
+                0 => std::thread::available_parallelism().map_or(1, NonZeroUsize::get),
+                asked => asked,
+            },
         }
+    }
+
+    /// Threads that may be used on the system.
+    pub fn threads(&self) -> usize {
+        self.threads
     }
 
     /// Which node is which block.

@@ -271,5 +271,6 @@ fn settings(entry: SimulationEntry) -> Settings {
         tangent: entry.tangent.map(|named| named.0),
         step,
         duration: entry.duration.map_or(default.duration, |real| real.0),
+        threads: 0,
     }
 }

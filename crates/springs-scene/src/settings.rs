@@ -15,6 +15,9 @@ pub struct Settings {
     pub step: StepControl,
     /// Simulated time, in s.
     pub duration: f64,
+    /// Threads that may be used; 0: as many as the machine has. No result
+    /// depends on it.
+    pub threads: usize,
 }
 
 impl Default for Settings {
@@ -24,6 +27,7 @@ impl Default for Settings {
             tangent: None,
             step: StepControl::Auto,
             duration: 1.0,
+            threads: 0,
         }
     }
 }

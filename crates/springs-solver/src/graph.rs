@@ -53,17 +53,6 @@ impl UpperGraph {
         })
     }
 
-    /// A minimum-degree order and the graph in that order.
-    pub(crate) fn ordered(
-        n_blocks: usize,
-        pairs: &[[u32; 2]],
-    ) -> Result<(Vec<usize>, Self), SolveError> {
-        let natural: Vec<usize> = (0..n_blocks).collect();
-        let order = Self::new(&natural, pairs)?.minimum_degree()?;
-        let graph = Self::new(&inverse(&order), pairs)?;
-        Ok((order, graph))
-    }
-
     /// Blocks in each column of the factor, the diagonal included.
     pub(crate) fn column_counts(&self) -> Result<Vec<usize>, SolveError> {
         let n = self.n_blocks();
@@ -89,7 +78,7 @@ impl UpperGraph {
     }
 
     /// Minimum-degree ordering: the block that is eliminated k-th, for each k.
-    pub(crate) fn minimum_degree(&self) -> Result<Vec<usize>, SolveError> {
+    fn minimum_degree(&self) -> Result<Vec<usize>, SolveError> {
         let n = self.n_blocks();
         let too_large = SolveError::TooLarge { n_blocks: n };
         let mut order = vec![0usize; n];
@@ -112,11 +101,11 @@ impl UpperGraph {
     }
 }
 
-/// Inverse of a permutation.
-fn inverse(order: &[usize]) -> Vec<usize> {
-    let mut position = vec![0; order.len()];
-    for (k, &block) in order.iter().enumerate() {
-        position[block] = k;
-    }
-    position
+/// Minimum-degree ordering: the block that is eliminated k-th, for each k.
+pub(crate) fn minimum_degree(
+    n_blocks: usize,
+    pairs: &[[u32; 2]],
+) -> Result<Vec<usize>, SolveError> {
+    let natural: Vec<usize> = (0..n_blocks).collect();
+    UpperGraph::new(&natural, pairs)?.minimum_degree()
 }

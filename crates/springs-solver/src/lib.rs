@@ -3,10 +3,12 @@
 //!
 //! [`SparseCholesky::analyze`] orders the graph of blocks and factorizes
 //! symbolically, once; [`SparseCholesky::factorize`] and
-//! [`SparseCholesky::solve_in_place`] then do numeric work only and allocate
-//! nothing. The factorization itself is faer's: simplicial where the ordering
-//! leaves no fill (chains, trees), supernodal elsewhere. It runs on one thread,
-//! so results do not depend on the machine.
+//! [`SparseCholesky::solve_in_place`] then do numeric work only and, on one
+//! thread, allocate nothing. The order is that of minimum degree or, with
+//! positions, of nested dissection, whichever takes fewer operations. The
+//! factorization is multifrontal, with faer's dense kernels in wide fronts;
+//! independent subtrees run on several threads, with the same bits for any
+//! number of them.
 //!
 //! Matrices are given as one symmetric block per block row and one per coupled
 //! pair, each packed as (xx, xy, xz, yy, yz, zz); off-diagonal blocks are
@@ -26,9 +28,12 @@
 //! ```
 
 mod cholesky;
+mod dissection;
+mod fronts;
 mod graph;
+mod multifrontal;
 
-pub use cholesky::{FactorSize, Factorization, SparseCholesky};
+pub use cholesky::{FactorSize, SparseCholesky};
 
 /// Why a system could not be solved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]

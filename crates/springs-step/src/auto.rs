@@ -3,6 +3,7 @@
 use crate::choose::{Choice, Schedule, Start, can_move};
 use crate::controller::Controller;
 use crate::pilot::equal_steps;
+use crate::stage::blocks_of;
 use crate::work::Counts;
 use crate::{Anchors, Interval, Method, SetupError, State, StepPlan, Work};
 use springs_assembly::System;
@@ -502,7 +503,10 @@ impl Costs {
 
     fn learn_matrix(&mut self, system: &System) -> Result<(), SetupError> {
         if self.size.is_none() {
-            let size = SparseCholesky::count(system.n_free(), system.pattern().pairs())?;
+            let n_free = system.n_free();
+            let positions = blocks_of(&system.initial_positions()[..n_free]);
+            let pairs = system.pattern().pairs();
+            let size = SparseCholesky::count(n_free, pairs, Some(positions))?;
             self.set_size(size);
             self.size = Some(size);
         }

@@ -415,7 +415,15 @@ pub(crate) enum OnDemand {
 /// Orders and factorizes symbolically, and counts it.
 pub(crate) fn analyze(system: &System, work: &mut Work) -> Result<SparseCholesky, SolveError> {
     work.counts.symbolic_factorizations += 1;
-    SparseCholesky::analyze(system.n_free(), system.pattern().pairs())
+    let n_free = system.n_free();
+    let positions = blocks_of(&system.initial_positions()[..n_free]);
+    let pairs = system.pattern().pairs();
+    SparseCholesky::analyze_at(n_free, pairs, Some(positions), system.threads())
+}
+
+/// Vectors as plain arrays.
+pub(crate) fn blocks_of(vectors: &[Vector3<f64>]) -> &[[f64; 3]] {
+    bytemuck::cast_slice(vectors)
 }
 
 /// Forces and matrix, factorized, with the given treatment of negative across

@@ -26,10 +26,6 @@ pub(crate) struct RunArguments {
     /// What to write besides final.ron and report.json
     #[arg(long, value_name = "WHAT", value_delimiter = ',')]
     write: Vec<Extra>,
-    /// Threads that may be used; results do not depend on it, and this version
-    /// uses one
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    threads: Option<u32>,
     /// No progress and no summary
     #[arg(long)]
     quiet: bool,

@@ -33,6 +33,9 @@ pub(crate) struct SceneArguments {
     /// Simulated time in seconds
     #[arg(long, value_name = "T", allow_negative_numbers = true)]
     duration: Option<f64>,
+    /// Threads that may be used; results do not depend on it [default: all]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    threads: Option<u32>,
 }
 
 impl SceneArguments {
@@ -67,6 +70,7 @@ impl SceneArguments {
             settings.tangent = None;
         }
         settings.tangent = self.tangent.or(settings.tangent);
+        settings.threads = self.threads.map_or(settings.threads, |n| n as usize);
         settings.duration = self.duration.unwrap_or(settings.duration);
         if let Some(step) = self.step {
             settings.step = StepControl::Fixed(step);

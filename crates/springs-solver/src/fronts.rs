@@ -1,0 +1,408 @@
+//! Symbolic factorization: which columns are eliminated together, and what
+//! rows they touch.
+
+use crate::graph::UpperGraph;
+
+/// No front or no block.
+const NONE: u32 = u32::MAX;
+
+/// The fronts of a multifrontal factorization (Duff and Reid, ACM TOMS 9, 1983;
+/// supernodes after Liu, Ng and Peyton, SIAM J. Matrix Anal. 14, 1993), children
+/// before parents, subtrees contiguous. All in blocks.
+#[derive(Clone, Debug)]
+pub(crate) struct Fronts {
+    /// First column of each front, and the number of columns at the end.
+    pub(crate) first: Vec<u32>,
+    parents: Vec<u32>,
+    /// Rows below the columns of each front, ascending.
+    row_starts: Vec<usize>,
+    rows: Vec<u32>,
+    /// Where in the parent's front (its columns, then its rows) each row is.
+    relative: Vec<u32>,
+    child_starts: Vec<usize>,
+    children: Vec<u32>,
+    entry_starts: Vec<usize>,
+    entries: Vec<Entry>,
+}
+
+/// A block of the matrix within a front.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Entry {
+    /// Diagonal block, or number of blocks + pair, of the caller.
+    pub(crate) source: u32,
+    /// Row and column in the front.
+    pub(crate) row: u32,
+    pub(crate) column: u32,
+}
+
+/// A child is merged into its parent if that leaves no larger part of zeros,
+/// depending on the columns that they then have.
+const RELAXED: [(usize, f64); 4] = [(2, 1.0), (6, 0.6), (16, 0.15), (usize::MAX, 0.05)];
+
+/// An elimination order with its tree, children before parents and subtrees
+/// contiguous.
+pub(crate) struct Elimination {
+    /// Block of the caller that is eliminated k-th.
+    pub(crate) order: Vec<usize>,
+    pub(crate) graph: UpperGraph,
+    parents: Vec<u32>,
+    /// Blocks in each column of the factor, the diagonal included.
+    counts: Vec<usize>,
+}
+
+impl Elimination {
+    /// Sorts an order such that subtrees are contiguous, which changes nothing
+    /// in the factor.
+    pub(crate) fn new(order: &[usize], pairs: &[[u32; 2]]) -> Result<Self, crate::SolveError> {
+        let graph = UpperGraph::new(&inverse(order), pairs)?;
+        let parents = elimination_tree(&graph);
+        let sorted = postorder(&parents);
+        let order: Vec<usize> = sorted.iter().map(|&k| order[k]).collect();
+        let graph = UpperGraph::new(&inverse(&order), pairs)?;
+        let parents = elimination_tree(&graph);
+        let counts = graph.column_counts()?;
+        Ok(Self {
+            order,
+            graph,
+            parents,
+            counts,
+        })
+    }
+
+    pub(crate) fn size(&self) -> crate::FactorSize {
+        let mut size = crate::FactorSize::default();
+        for &blocks in &self.counts {
+            let column = 3.0 * blocks as f64;
+            size.entries += 3.0 * column;
+            size.flops += 3.0 * column * column;
+        }
+        size
+    }
+}
+
+/// Parent of each column (Liu, ACM TOMS 12, 1986).
+fn elimination_tree(graph: &UpperGraph) -> Vec<u32> {
+    let n = graph.n_blocks();
+    let (mut parents, mut ancestors) = (vec![NONE; n], vec![NONE; n]);
+    for column in 0..n {
+        for &row in &graph.rows[graph.column(column)] {
+            let mut at = row;
+            loop {
+                let above = ancestors[at];
+                if above == column as u32 {
+                    break;
+                }
+                ancestors[at] = column as u32;
+                if above == NONE {
+                    parents[at] = column as u32;
+                    break;
+                }
+                at = above as usize;
+            }
+        }
+    }
+    parents
+}
+
+/// Columns such that children stand before parents and subtrees are contiguous.
+fn postorder(parents: &[u32]) -> Vec<usize> {
+    let n = parents.len();
+    // Lists of children, smallest first.
+    let (mut first, mut next) = (vec![NONE; n], vec![NONE; n]);
+    let mut roots = Vec::new();
+    for node in (0..n).rev() {
+        match parents[node] {
+            NONE => roots.push(node),
+            parent => {
+                next[node] = first[parent as usize];
+                first[parent as usize] = node as u32;
+            }
+        }
+    }
+    let mut order = Vec::with_capacity(n);
+    let mut stack = roots;
+    while let Some(&node) = stack.last() {
+        match first[node] {
+            NONE => {
+                order.push(node);
+                stack.pop();
+            }
+            child => {
+                first[node] = next[child as usize];
+                stack.push(child as usize);
+            }
+        }
+    }
+    order
+}
+
+pub(crate) fn inverse(order: &[usize]) -> Vec<usize> {
+    let mut position = vec![0; order.len()];
+    for (k, &block) in order.iter().enumerate() {
+        position[block] = k;
+    }
+    position
+}
+
+/// A front while fronts are being merged.
+struct Group {
+    first: usize,
+    end: usize,
+    /// Rows below.
+    below: usize,
+    /// Blocks of the factor that are not zero.
+    true_blocks: usize,
+}
+
+impl Group {
+    fn columns(&self) -> usize {
+        self.end - self.first
+    }
+
+    fn blocks(&self) -> usize {
+        let columns = self.columns();
+        columns * (columns + 1) / 2 + columns * self.below
+    }
+}
+
+impl Fronts {
+    pub(crate) fn new(elimination: &Elimination) -> Self {
+        let groups = merged_groups(elimination);
+        let n = elimination.order.len();
+        let mut first: Vec<u32> = groups.iter().map(|group| group.first as u32).collect();
+        first.push(n as u32);
+        let mut front_of = vec![0u32; n];
+        for (front, group) in groups.iter().enumerate() {
+            front_of[group.first..group.end].fill(front as u32);
+        }
+        let last_parent = |group: &Group| match elimination.parents[group.end - 1] {
+            NONE => NONE,
+            column => front_of[column as usize],
+        };
+        let parents: Vec<u32> = groups.iter().map(last_parent).collect();
+        let (child_starts, children) = lists(&parents);
+        let mut fronts = Self {
+            first,
+            parents,
+            row_starts: vec![0],
+            rows: Vec::new(),
+            relative: Vec::new(),
+            child_starts,
+            children,
+            entry_starts: vec![0],
+            entries: Vec::new(),
+        };
+        fronts.fill_rows(elimination, &front_of);
+        fronts.fill_entries(elimination, &front_of);
+        fronts
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.parents.len()
+    }
+
+    /// Number of its columns.
+    pub(crate) fn n_columns(&self, front: usize) -> usize {
+        (self.first[front + 1] - self.first[front]) as usize
+    }
+
+    pub(crate) fn rows(&self, front: usize) -> &[u32] {
+        &self.rows[self.row_starts[front]..self.row_starts[front + 1]]
+    }
+
+    pub(crate) fn relative(&self, front: usize) -> &[u32] {
+        &self.relative[self.row_starts[front]..self.row_starts[front + 1]]
+    }
+
+    pub(crate) fn children(&self, front: usize) -> &[u32] {
+        &self.children[self.child_starts[front]..self.child_starts[front + 1]]
+    }
+
+    pub(crate) fn entries(&self, front: usize) -> &[Entry] {
+        &self.entries[self.entry_starts[front]..self.entry_starts[front + 1]]
+    }
+
+    pub(crate) fn parent(&self, front: usize) -> Option<usize> {
+        (self.parents[front] != NONE).then_some(self.parents[front] as usize)
+    }
+
+    /// Multiplications and additions of the front.
+    pub(crate) fn flops(&self, front: usize) -> f64 {
+        let (columns, below) = (self.n_columns(front) as f64, self.rows(front).len() as f64);
+        27.0 * columns * (columns * columns / 3.0 + columns * below + below * below)
+    }
+
+    /// Structure of each front: that of its columns and of its children.
+    fn fill_rows(&mut self, elimination: &Elimination, front_of: &[u32]) {
+        let graph = &elimination.graph;
+        // Rows below the diagonal, by front: the transpose of the upper graph.
+        let mut below: Vec<Vec<u32>> = vec![Vec::new(); self.len()];
+        for column in 0..graph.n_blocks() {
+            for &row in &graph.rows[graph.column(column)] {
+                below[front_of[row] as usize].push(column as u32);
+            }
+        }
+        let mut seen = vec![NONE; graph.n_blocks()];
+        for front in 0..self.len() {
+            let end = self.first[front + 1];
+            let mut rows = Vec::new();
+            let mut add = |row: u32| {
+                if row >= end && seen[row as usize] != front as u32 {
+                    seen[row as usize] = front as u32;
+                    rows.push(row);
+                }
+            };
+            for row in std::mem::take(&mut below[front]) {
+                add(row);
+            }
+            for &child in self.children(front) {
+                for &row in self.rows(child as usize) {
+                    add(row);
+                }
+            }
+            rows.sort_unstable();
+            self.rows.extend(rows);
+            self.row_starts.push(self.rows.len());
+        }
+        self.relative = vec![0; self.rows.len()];
+        for front in 0..self.len() {
+            if let Some(parent) = self.parent(front) {
+                for index in self.row_starts[front]..self.row_starts[front + 1] {
+                    self.relative[index] = self.position(parent, self.rows[index]);
+                }
+            }
+        }
+    }
+
+    /// Where a row of the matrix is in a front that has it.
+    fn position(&self, front: usize, row: u32) -> u32 {
+        let columns = self.n_columns(front) as u32;
+        match row.checked_sub(self.first[front]) {
+            Some(column) if column < columns => column,
+            _ => {
+                let below = self.rows(front).binary_search(&row);
+                columns + below.expect("a row of the front") as u32
+            }
+        }
+    }
+
+    fn fill_entries(&mut self, elimination: &Elimination, front_of: &[u32]) {
+        let graph = &elimination.graph;
+        let n = graph.n_blocks();
+        let mut entries: Vec<Vec<Entry>> = vec![Vec::new(); self.len()];
+        for column in 0..n {
+            let front = front_of[column] as usize;
+            let local = column as u32 - self.first[front];
+            entries[front].push(Entry {
+                source: elimination.order[column] as u32,
+                row: local,
+                column: local,
+            });
+            // The lower triangle: row and column change places.
+            for index in graph.column(column) {
+                let (row, column) = (column as u32, graph.rows[index]);
+                let front = front_of[column] as usize;
+                entries[front].push(Entry {
+                    source: (n + graph.pairs[index]) as u32,
+                    row: self.position(front, row),
+                    column: column as u32 - self.first[front],
+                });
+            }
+        }
+        for list in entries {
+            self.entries.extend(list);
+            self.entry_starts.push(self.entries.len());
+        }
+    }
+}
+
+/// Columns with the same structure, merged further with small children where
+/// that costs few zeros.
+fn merged_groups(elimination: &Elimination) -> Vec<Group> {
+    let (parents, counts) = (&elimination.parents, &elimination.counts);
+    let n = parents.len();
+    let mut groups: Vec<Group> = Vec::new();
+    let mut column = 0;
+    while column < n {
+        let first = column;
+        while column + 1 < n
+            && parents[column] == column as u32 + 1
+            && counts[column + 1] + 1 == counts[column]
+        {
+            column += 1;
+        }
+        column += 1;
+        let mut group = Group {
+            first,
+            end: column,
+            below: counts[column - 1] - 1,
+            true_blocks: 0,
+        };
+        group.true_blocks = group.blocks();
+        // The front before may be its last child.
+        while let Some(child) = groups.last() {
+            let parent = parents[child.end - 1] as usize;
+            if !(group.first..group.end).contains(&parent) {
+                break;
+            }
+            let merged = Group {
+                first: child.first,
+                true_blocks: child.true_blocks + group.true_blocks,
+                ..group
+            };
+            let zeros = (merged.blocks() - merged.true_blocks) as f64;
+            let columns = merged.columns();
+            let allowed = RELAXED.iter().find(|(most, _)| columns <= *most);
+            if zeros > allowed.map_or(0.0, |allowed| allowed.1) * merged.blocks() as f64 {
+                break;
+            }
+            groups.pop();
+            group = merged;
+        }
+        groups.push(group);
+    }
+    groups
+}
+
+/// Children of each node, ascending, from the parents.
+fn lists(parents: &[u32]) -> (Vec<usize>, Vec<u32>) {
+    let mut starts = vec![0; parents.len() + 1];
+    for &parent in parents.iter().filter(|parent| **parent != NONE) {
+        starts[parent as usize + 1] += 1;
+    }
+    for node in 0..parents.len() {
+        starts[node + 1] += starts[node];
+    }
+    let mut next = starts.clone();
+    let mut children = vec![0; starts[parents.len()]];
+    for (node, &parent) in parents.iter().enumerate() {
+        if parent != NONE {
+            children[next[parent as usize]] = node as u32;
+            next[parent as usize] += 1;
+        }
+    }
+    (starts, children)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn subtrees_are_contiguous_after_sorting() {
+        // A tree: 0-2, 1-3, 2-4, 3-4.
+        let parents = [2, 3, 4, 4, NONE];
+        assert_eq!(postorder(&parents), [0, 2, 1, 3, 4]);
+    }
+
+    #[test]
+    fn a_dense_graph_is_one_front() {
+        let pairs: Vec<[u32; 2]> = (0..5).flat_map(|b| (0..b).map(move |a| [a, b])).collect();
+        let elimination = Elimination::new(&[0, 1, 2, 3, 4], &pairs).unwrap();
+        let fronts = Fronts::new(&elimination);
+        assert_eq!(fronts.len(), 1);
+        assert_eq!(fronts.n_columns(0), 5);
+        assert!(fronts.rows(0).is_empty());
+        assert_eq!(fronts.entries(0).len(), 15);
+    }
+}

@@ -1,0 +1,627 @@
+//! Numeric factorization and solution on fronts.
+
+use crate::fronts::Fronts;
+use dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::cholesky::llt::factor::{
+    LltError, LltRegularization, cholesky_in_place, cholesky_in_place_scratch,
+};
+use faer::linalg::matmul::triangular::{BlockStructure, matmul};
+use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
+use faer::prelude::*;
+use faer::traits::RealField;
+use faer::{Accum, MatMut, Par};
+use std::ops::Range;
+
+/// The two kinds of floating point numbers.
+pub(crate) trait Real: RealField + Copy + Send + Sync + Into<f64> + num_ops::Ops {
+    fn of(value: f64) -> Self;
+}
+
+/// Arithmetic that the loops below need.
+mod num_ops {
+    use std::ops::{Add, Div, Mul, MulAssign, Sub, SubAssign};
+
+    pub(crate) trait Ops:
+        Add<Output = Self>
+        + Sub<Output = Self>
+        + Mul<Output = Self>
+        + Div<Output = Self>
+        + MulAssign
+        + SubAssign
+        + std::ops::AddAssign
+        + PartialOrd
+        + Default
+        + Sized
+    {
+        fn root(self) -> Self;
+    }
+
+    impl Ops for f32 {
+        fn root(self) -> Self {
+            self.sqrt()
+        }
+    }
+
+    impl Ops for f64 {
+        fn root(self) -> Self {
+            self.sqrt()
+        }
+    }
+}
+
+impl Real for f32 {
+    fn of(value: f64) -> Self {
+        value as f32
+    }
+}
+
+impl Real for f64 {
+    fn of(value: f64) -> Self {
+        value
+    }
+}
+
+/// A factorization with the fronts of one pattern.
+pub(crate) struct Multifrontal<T> {
+    /// Where the panel of each front begins: its columns of the factor, all
+    /// rows of the front, column by column.
+    panel_starts: Vec<usize>,
+    factor: Vec<T>,
+    /// Where the update of each front begins in the stack of its task.
+    update_starts: Vec<usize>,
+    /// Independent subtrees, then all fronts above them.
+    tasks: Vec<Range<usize>>,
+    top: Vec<usize>,
+    stacks: Vec<Vec<T>>,
+    /// Per thread.
+    desks: Vec<Desk<T>>,
+    gathered: Vec<T>,
+}
+
+/// What a thread works with.
+struct Desk<T> {
+    /// Update of the front at work.
+    update: Vec<T>,
+    memory: MemBuffer,
+}
+
+/// One task with its part of the factor and its stack.
+struct Piece<'a, T> {
+    task: Range<usize>,
+    panels: &'a mut [T],
+    stack: &'a mut [T],
+}
+
+/// Subtrees are split until none is larger than this part of the whole.
+const TASK: f64 = 0.2;
+/// Below this number of operations a second thread is not worth waking.
+const WORTH_A_THREAD: f64 = 2e6;
+/// Fronts with fewer columns or rows than this are eliminated column by column,
+/// others by dense kernels.
+const FEW_COLUMNS: usize = 7;
+const FEW_ROWS: usize = 28;
+
+/// The column where the matrix is not positive definite, in order of
+/// elimination.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct NotPositive {
+    pub(crate) column: usize,
+}
+
+impl<T: Real> Multifrontal<T> {
+    /// Allocates the factor and all workspace; `None` without enough memory.
+    pub(crate) fn new(fronts: &Fronts, threads: usize) -> Option<Self> {
+        let n = fronts.len();
+        let mut panel_starts = vec![0usize; n + 1];
+        for front in 0..n {
+            let columns = 3 * fronts.n_columns(front);
+            let size = columns.checked_mul(columns + 3 * fronts.rows(front).len())?;
+            panel_starts[front + 1] = panel_starts[front].checked_add(size)?;
+        }
+        let (tasks, top) = split(fronts);
+        let mut update_starts = vec![0; n];
+        let mut stacks = Vec::new();
+        let mut largest = 0;
+        let all = tasks.iter().cloned().map(|task| task.collect::<Vec<_>>());
+        for list in all.chain([top.clone()]) {
+            let (mut used, mut most) = (0, 0);
+            for &front in &list {
+                let in_task = |child: &&u32| list.binary_search(&(**child as usize)).is_ok();
+                let first = fronts.children(front).iter().find(in_task);
+                let base = first.map_or(used, |&child| update_starts[child as usize]);
+                let update = update_size(fronts, front);
+                update_starts[front] = base;
+                used = base + update;
+                most = most.max(used);
+                largest = largest.max(update);
+            }
+            stacks.push(zeros(most)?);
+        }
+        let columns = (0..n).map(|front| 3 * fronts.n_columns(front)).max();
+        let scratch =
+            cholesky_in_place_scratch::<T>(columns.unwrap_or(0), Par::Seq, Default::default());
+        let mut desks = Vec::new();
+        for _ in 0..threads.max(1) {
+            desks.push(Desk {
+                update: zeros(largest)?,
+                memory: MemBuffer::try_new(scratch).ok()?,
+            });
+        }
+        let height = |front| 3 * (fronts.n_columns(front) + fronts.rows(front).len());
+        Some(Self {
+            factor: zeros(panel_starts[n])?,
+            panel_starts,
+            update_starts,
+            tasks,
+            top,
+            stacks,
+            desks,
+            gathered: vec![T::of(0.0); (0..n).map(height).max().unwrap_or(0)],
+        })
+    }
+
+    /// Stored entries of the factor.
+    pub(crate) fn entries(&self) -> usize {
+        self.factor.len()
+    }
+
+    /// Factorizes the matrix with the given packed blocks, by source.
+    ///
+    /// The same bits for any number of threads: fronts do not depend on who
+    /// computes them.
+    pub(crate) fn factorize(
+        &mut self,
+        fronts: &Fronts,
+        blocks: &[[T; 6]],
+    ) -> Result<(), NotPositive> {
+        let total: f64 = (0..fronts.len()).map(|front| fronts.flops(front)).sum();
+        let threads = match total > WORTH_A_THREAD {
+            true => self.desks.len(),
+            false => 1,
+        };
+        let (stacks, top_stack) = self.stacks.split_at_mut(self.tasks.len());
+        let (panel_starts, update_starts) = (&self.panel_starts, &self.update_starts);
+        let within = Within {
+            fronts,
+            blocks,
+            panel_starts,
+            update_starts,
+        };
+        let (my_desk, other_desks) = self.desks.split_first_mut().expect("one thread at least");
+        let mut result = Ok(());
+        if threads == 1 {
+            for (task, stack) in self.tasks.iter().zip(stacks.iter_mut()) {
+                let panels = &mut self.factor[panel_starts[task.start]..panel_starts[task.end]];
+                let done = within.run(task.clone(), panels, stack, my_desk);
+                result = first_failure(result, done);
+            }
+        } else {
+            let mut pieces = Vec::with_capacity(self.tasks.len());
+            let (mut rest, mut at) = (&mut self.factor[..], 0);
+            for (task, stack) in self.tasks.iter().zip(stacks.iter_mut()) {
+                let (begin, end) = (panel_starts[task.start], panel_starts[task.end]);
+                let (_, tail) = rest.split_at_mut(begin - at);
+                let (panels, tail) = tail.split_at_mut(end - begin);
+                pieces.push(Piece {
+                    task: task.clone(),
+                    panels,
+                    stack,
+                });
+                (rest, at) = (tail, end);
+            }
+            let run = |pieces: Vec<Piece<'_, T>>, desk: &mut Desk<T>| {
+                let mut result = Ok(());
+                for piece in pieces {
+                    let done = within.run(piece.task, piece.panels, piece.stack, desk);
+                    result = first_failure(result, done);
+                }
+                result
+            };
+            let run = &run;
+            let mut shares = share_out(fronts, pieces, threads).into_iter();
+            let mine = shares.next().unwrap_or_default();
+            result = std::thread::scope(|scope| {
+                let others: Vec<_> = shares
+                    .zip(other_desks)
+                    .map(|(share, desk)| scope.spawn(move || run(share, desk)))
+                    .collect();
+                let mut result = run(mine, my_desk);
+                for other in others {
+                    let theirs = other.join().expect("factorization does not panic");
+                    result = first_failure(result, theirs);
+                }
+                result
+            });
+        }
+        result?;
+
+        let task_of = |front: usize| {
+            let task = self.tasks.partition_point(|task| task.end <= front);
+            let is_in = self
+                .tasks
+                .get(task)
+                .is_some_and(|task| task.contains(&front));
+            is_in.then_some(task)
+        };
+        let top_stack = &mut top_stack[0];
+        for &front in &self.top {
+            let panel = &mut self.factor[panel_starts[front]..panel_starts[front + 1]];
+            eliminate(fronts, front, blocks, panel, my_desk, |child| {
+                let stack = match task_of(child) {
+                    Some(task) => &stacks[task],
+                    None => &*top_stack,
+                };
+                let start = update_starts[child];
+                &stack[start..start + update_size(fronts, child)]
+            })?;
+            let (start, size) = (update_starts[front], update_size(fronts, front));
+            top_stack[start..start + size].copy_from_slice(&my_desk.update[..size]);
+        }
+        Ok(())
+    }
+
+    /// Replaces b by the solution, both in order of elimination.
+    pub(crate) fn solve_in_place(&mut self, fronts: &Fronts, x: &mut [T]) {
+        pulp::Arch::new().dispatch(|| self.substitute(fronts, x));
+    }
+
+    #[inline(always)]
+    fn substitute(&mut self, fronts: &Fronts, x: &mut [T]) {
+        for front in 0..fronts.len() {
+            let columns = 3 * fronts.n_columns(front);
+            let y = gather(fronts, front, x, &mut self.gathered);
+            let height = y.len();
+            let panel = &self.factor[self.panel_starts[front]..self.panel_starts[front + 1]];
+            for (k, column) in panel.chunks_exact(height).enumerate() {
+                let value = y[k] / column[k];
+                y[k] = value;
+                subtract_multiple(&mut y[k + 1..], &column[k + 1..], value);
+            }
+            let first = 3 * fronts.first[front] as usize;
+            x[first..first + columns].copy_from_slice(&y[..columns]);
+            let (blocks, _) = y[columns..].as_chunks::<3>();
+            let (targets, _) = x.as_chunks_mut::<3>();
+            for (&row, block) in fronts.rows(front).iter().zip(blocks) {
+                targets[row as usize] = *block;
+            }
+        }
+        for front in (0..fronts.len()).rev() {
+            let columns = 3 * fronts.n_columns(front);
+            let y = gather(fronts, front, x, &mut self.gathered);
+            let height = y.len();
+            let panel = &self.factor[self.panel_starts[front]..self.panel_starts[front + 1]];
+            for (k, column) in panel.chunks_exact(height).enumerate().rev() {
+                y[k] = (y[k] - dot(&y[k + 1..], &column[k + 1..])) / column[k];
+            }
+            let first = 3 * fronts.first[front] as usize;
+            x[first..first + columns].copy_from_slice(&y[..columns]);
+        }
+    }
+}
+
+/// The entries of x that a front touches, its columns first.
+#[inline(always)]
+fn gather<'a, T: Real>(
+    fronts: &Fronts,
+    front: usize,
+    x: &[T],
+    gathered: &'a mut [T],
+) -> &'a mut [T] {
+    let columns = 3 * fronts.n_columns(front);
+    let rows = fronts.rows(front);
+    let y = &mut gathered[..columns + 3 * rows.len()];
+    let first = 3 * fronts.first[front] as usize;
+    y[..columns].copy_from_slice(&x[first..first + columns]);
+    let (blocks, _) = y[columns..].as_chunks_mut::<3>();
+    let (sources, _) = x.as_chunks::<3>();
+    for (&row, block) in rows.iter().zip(blocks) {
+        *block = sources[row as usize];
+    }
+    y
+}
+
+fn first_failure(
+    a: Result<(), NotPositive>,
+    b: Result<(), NotPositive>,
+) -> Result<(), NotPositive> {
+    match (a, b) {
+        (Err(a), Err(b)) if b.column < a.column => Err(b),
+        (Err(a), _) => Err(a),
+        (Ok(()), b) => b,
+    }
+}
+
+/// Scalars of the update matrix of a front: square, its lower half used.
+fn update_size(fronts: &Fronts, front: usize) -> usize {
+    let below = 3 * fronts.rows(front).len();
+    below * below
+}
+
+/// Independent subtrees, ascending, none larger than a part of the whole, and
+/// the fronts above them.
+fn split(fronts: &Fronts) -> (Vec<Range<usize>>, Vec<usize>) {
+    let n = fronts.len();
+    let mut flops: Vec<f64> = (0..n).map(|front| fronts.flops(front)).collect();
+    let total: f64 = flops.iter().sum();
+    let mut first: Vec<usize> = (0..n).collect();
+    for front in 0..n {
+        if let Some(parent) = fronts.parent(front) {
+            flops[parent] += flops[front];
+            first[parent] = first[parent].min(first[front]);
+        }
+    }
+    let mut tasks = Vec::new();
+    let mut top = Vec::new();
+    for front in 0..n {
+        let is_small = |front: usize| flops[front] <= TASK * total;
+        match fronts.parent(front) {
+            _ if !is_small(front) => top.push(front),
+            Some(parent) if is_small(parent) => {}
+            _ => tasks.push(first[front]..front + 1),
+        }
+    }
+    (tasks, top)
+}
+
+/// What all tasks share.
+struct Within<'a, T> {
+    fronts: &'a Fronts,
+    blocks: &'a [[T; 6]],
+    panel_starts: &'a [usize],
+    update_starts: &'a [usize],
+}
+
+impl<T: Real> Within<'_, T> {
+    /// Eliminates the fronts of one task.
+    fn run(
+        &self,
+        task: Range<usize>,
+        panels: &mut [T],
+        stack: &mut [T],
+        desk: &mut Desk<T>,
+    ) -> Result<(), NotPositive> {
+        let (fronts, starts) = (self.fronts, self.panel_starts);
+        let base = starts[task.start];
+        for front in task {
+            let child_update = |child: usize| {
+                let start = self.update_starts[child];
+                &stack[start..start + update_size(fronts, child)]
+            };
+            let panel = &mut panels[starts[front] - base..starts[front + 1] - base];
+            eliminate(fronts, front, self.blocks, panel, desk, child_update)?;
+            let (start, size) = (self.update_starts[front], update_size(fronts, front));
+            stack[start..start + size].copy_from_slice(&desk.update[..size]);
+        }
+        Ok(())
+    }
+}
+
+/// Tasks shared out among threads, the largest first, to whom has the least.
+fn share_out<'a, T>(
+    fronts: &Fronts,
+    pieces: Vec<Piece<'a, T>>,
+    threads: usize,
+) -> Vec<Vec<Piece<'a, T>>> {
+    let flops = |piece: &Piece<'_, T>| -> f64 {
+        let task = piece.task.clone();
+        task.map(|front| fronts.flops(front)).sum()
+    };
+    let mut sized: Vec<(f64, Piece<'a, T>)> = pieces
+        .into_iter()
+        .map(|piece| (flops(&piece), piece))
+        .collect();
+    sized.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut shares: Vec<(f64, Vec<Piece<'a, T>>)> =
+        (0..threads).map(|_| (0.0, Vec::new())).collect();
+    for (size, piece) in sized {
+        let least = shares.iter_mut().min_by(|a, b| a.0.total_cmp(&b.0));
+        let share = least.expect("one thread at least");
+        share.0 += size;
+        share.1.push(piece);
+    }
+    shares.into_iter().map(|(_, pieces)| pieces).collect()
+}
+
+/// Assembles and eliminates one front: its columns of the factor go into
+/// `panel`, what they leave for the parent into the update of the desk.
+fn eliminate<'a, T: Real + 'a>(
+    fronts: &Fronts,
+    front: usize,
+    blocks: &[[T; 6]],
+    panel: &mut [T],
+    desk: &mut Desk<T>,
+    child_update: impl Fn(usize) -> &'a [T],
+) -> Result<(), NotPositive> {
+    let (columns, below) = (3 * fronts.n_columns(front), 3 * fronts.rows(front).len());
+    let update = &mut desk.update[..below * below];
+    let is_small = columns < FEW_COLUMNS || columns + below < FEW_ROWS;
+    let result = pulp::Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            assemble(fronts, front, blocks, panel, update, &child_update);
+            match is_small {
+                true => eliminate_columns(columns, panel, update),
+                false => Ok(()),
+            }
+        },
+    );
+    let result = match is_small {
+        true => result,
+        false => eliminate_dense(columns, panel, update, MemStack::new(&mut desk.memory)),
+    };
+    result.map_err(|column| NotPositive {
+        column: fronts.first[front] as usize + column / 3,
+    })
+}
+
+/// The matrix and the updates of the children, summed up in a front.
+#[inline(always)]
+fn assemble<'a, T: Real + 'a>(
+    fronts: &Fronts,
+    front: usize,
+    blocks: &[[T; 6]],
+    panel: &mut [T],
+    update: &mut [T],
+    child_update: &impl Fn(usize) -> &'a [T],
+) {
+    let (n_columns, below) = (fronts.n_columns(front), 3 * fronts.rows(front).len());
+    let height = 3 * n_columns + below;
+    panel.fill(T::default());
+    update.fill(T::default());
+    for entry in fronts.entries(front) {
+        let [xx, xy, xz, yy, yz, zz] = blocks[entry.source as usize];
+        for (k, values) in [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+            .iter()
+            .enumerate()
+        {
+            let start = (3 * entry.column as usize + k) * height + 3 * entry.row as usize;
+            panel[start..start + 3].copy_from_slice(values);
+        }
+    }
+    for &child in fronts.children(front) {
+        let child = child as usize;
+        let (relative, from) = (fronts.relative(child), child_update(child));
+        let size = 3 * relative.len();
+        for (column, &target) in relative.iter().enumerate() {
+            let target = target as usize;
+            for k in 0..3 {
+                let scalar = 3 * column + k;
+                let source = &from[scalar * size + 3 * column..(scalar + 1) * size];
+                // A whole column of the front, from the row `offset` on.
+                let (into, offset) = match target.checked_sub(n_columns) {
+                    None => (&mut panel[(3 * target + k) * height..][..height], 0),
+                    Some(below_column) => {
+                        let start = (3 * below_column + k) * below;
+                        (&mut update[start..start + below], n_columns)
+                    }
+                };
+                let (into, _) = into.as_chunks_mut::<3>();
+                let (source, _) = source.as_chunks::<3>();
+                for (&row, values) in relative[column..].iter().zip(source) {
+                    let target = &mut into[row as usize - offset];
+                    for (target, value) in target.iter_mut().zip(values) {
+                        *target += *value;
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Elimination column by column, for narrow fronts; the column where it fails.
+#[inline(always)]
+fn eliminate_columns<T: Real>(
+    columns: usize,
+    panel: &mut [T],
+    update: &mut [T],
+) -> Result<(), usize> {
+    let height = panel.len() / columns;
+    let below = height - columns;
+    for k in 0..columns {
+        let (done, rest) = panel.split_at_mut((k + 1) * height);
+        let column = &mut done[k * height..];
+        let pivot = column[k];
+        // Not a number, too, is not positive.
+        if !(pivot > T::default()) {
+            return Err(k);
+        }
+        let root = pivot.root();
+        column[k] = root;
+        let inverse = T::of(1.0) / root;
+        for value in &mut column[k + 1..] {
+            *value *= inverse;
+        }
+        for (j, target) in rest.chunks_exact_mut(height).enumerate() {
+            let row = k + 1 + j;
+            subtract_multiple(&mut target[row..], &column[row..], column[row]);
+        }
+    }
+    if below > 0 {
+        for (j, target) in update.chunks_exact_mut(below).enumerate() {
+            let target = &mut target[j..];
+            for block in panel.chunks_exact(3 * height) {
+                let below_row = |k: usize| &block[k * height + columns + j..(k + 1) * height];
+                let (a, b, c) = (below_row(0), below_row(1), below_row(2));
+                let (fa, fb, fc) = (a[0], b[0], c[0]);
+                for (((y, a), b), c) in target.iter_mut().zip(a).zip(b).zip(c) {
+                    *y -= fa * *a + fb * *b + fc * *c;
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Elimination by dense kernels, for wide fronts; the column where it fails.
+fn eliminate_dense<T: Real>(
+    columns: usize,
+    panel: &mut [T],
+    update: &mut [T],
+    stack: &mut MemStack,
+) -> Result<(), usize> {
+    let height = panel.len() / columns;
+    let below = height - columns;
+    let panel = MatMut::from_column_major_slice_mut(panel, height, columns);
+    let (mut diagonal, mut rest) = panel.split_at_row_mut(columns);
+    cholesky_in_place(
+        diagonal.rb_mut(),
+        LltRegularization::default(),
+        Par::Seq,
+        stack,
+        Default::default(),
+    )
+    .map_err(|LltError::NonPositivePivot { index }| index)?;
+    if below > 0 {
+        solve_lower_triangular_in_place(diagonal.rb(), rest.rb_mut().transpose_mut(), Par::Seq);
+        matmul(
+            MatMut::from_column_major_slice_mut(update, below, below),
+            BlockStructure::TriangularLower,
+            Accum::Add,
+            rest.rb(),
+            BlockStructure::Rectangular,
+            rest.rb().transpose(),
+            BlockStructure::Rectangular,
+            T::of(-1.0),
+            Par::Seq,
+        );
+    }
+    Ok(())
+}
+
+/// y −= a·x.
+#[inline(always)]
+fn subtract_multiple<T: Real>(y: &mut [T], x: &[T], a: T) {
+    for (y, x) in y.iter_mut().zip(x) {
+        *y -= a * *x;
+    }
+}
+
+/// xᵀy, in lanes so that the order of the sum is that of the vector unit.
+#[inline(always)]
+fn dot<T: Real>(x: &[T], y: &[T]) -> T {
+    const LANES: usize = 16;
+    let mut sums = [T::default(); LANES];
+    let (xs, x_rest) = x.as_chunks::<LANES>();
+    let (ys, y_rest) = y.as_chunks::<LANES>();
+    for (x, y) in xs.iter().zip(ys) {
+        for lane in 0..LANES {
+            sums[lane] += x[lane] * y[lane];
+        }
+    }
+    let mut sum = T::default();
+    for lane in sums {
+        sum += lane;
+    }
+    for (x, y) in x_rest.iter().zip(y_rest) {
+        sum += *x * *y;
+    }
+    sum
+}
+
+/// Zeroed storage, or `None` if there is not enough memory.
+fn zeros<T: Real>(length: usize) -> Option<Vec<T>> {
+    let mut values = Vec::new();
+    values.try_reserve_exact(length).ok()?;
+    values.resize(length, T::of(0.0));
+    Some(values)
+}
