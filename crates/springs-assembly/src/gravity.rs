@@ -24,6 +24,16 @@ impl Gravity {
     }
 }
 
+impl Gravity {
+    /// Writes the weights, or zeros without gravity, over what is there.
+    pub(crate) fn set_forces(&self, forces: &mut [Vector3<f64>]) {
+        match self.weights.is_empty() {
+            true => forces.fill(Vector3::zeros()),
+            false => forces.copy_from_slice(&self.weights),
+        }
+    }
+}
+
 impl ForceEmitter for Gravity {
     fn energy(&self, x: &[Vector3<f64>]) -> f64 {
         let weighted = self.weights.iter().zip(x);

@@ -235,12 +235,11 @@ impl ForceEmitter for Springs {
     }
 
     fn add_forces(&self, x: &[Vector3<f64>], _v: &[Vector3<f64>], forces: &mut [Vector3<f64>]) {
-        self.for_each_group(self.connections.interior(), x, |group| {
-            self.add_group_forces(group, forces);
-        });
-        self.for_each_group(self.connections.anchored(), x, |group| {
-            self.add_group_forces(group, forces);
-        });
+        for index in self.connections.live() {
+            let dx = self.connections.difference(index, x);
+            let force = spring::force(self.material(index), &Vector3::zeros(), &dx);
+            self.connections.add_force(index, force, forces);
+        }
     }
 
     fn linearize(&self, at: &Evaluation<'_>, out: &mut Linearization) {

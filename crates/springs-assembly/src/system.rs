@@ -16,6 +16,7 @@ use std::sync::Arc;
 pub struct System {
     numbering: Numbering,
     masses: Vec<f64>,
+    inverse_masses: Vec<f64>,
     springs: Springs,
     dashpots: Dashpots,
     gravity: Gravity,
@@ -76,6 +77,7 @@ impl System {
             initial_positions: ordered(|node| node.position),
             initial_velocities: ordered(|node| node.velocity),
             numbering,
+            inverse_masses: masses.iter().map(|mass| 1.0 / mass).collect(),
             masses,
             springs,
             dashpots,
@@ -144,9 +146,26 @@ impl System {
     /// If `forces` is shorter than the number of free blocks.
     pub fn forces(&self, x: &[Vector3<f64>], v: &[Vector3<f64>], forces: &mut [Vector3<f64>]) {
         let forces = &mut forces[..self.n_free()];
-        forces.fill(Vector3::zeros());
-        for emitter in self.emitters() {
-            emitter.add_forces(x, v, forces);
+        self.gravity.set_forces(forces);
+        self.springs.add_forces(x, v, forces);
+        self.dashpots.add_forces(x, v, forces);
+    }
+
+    /// Accelerations of the free blocks, in m/s²: forces over masses, which must
+    /// not be zero.
+    ///
+    /// # Panics
+    ///
+    /// If a slice is too short.
+    pub fn accelerations(
+        &self,
+        x: &[Vector3<f64>],
+        v: &[Vector3<f64>],
+        accelerations: &mut [Vector3<f64>],
+    ) {
+        self.forces(x, v, accelerations);
+        for (a, inverse) in accelerations.iter_mut().zip(&self.inverse_masses) {
+            *a *= *inverse;
         }
     }
 

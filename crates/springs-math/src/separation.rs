@@ -74,7 +74,7 @@ fn length<const D: usize>(dx: &SVector<f64, D>) -> f64 {
 
 /// In the order of the coordinates, as the lanes do it.
 #[inline]
-fn sum_of_squares<const D: usize>(dx: &SVector<f64, D>) -> f64 {
+pub(crate) fn sum_of_squares<const D: usize>(dx: &SVector<f64, D>) -> f64 {
     let mut sum = 0.0;
     for &component in dx.iter() {
         sum += component * component;

@@ -13,7 +13,8 @@
 //! | filtered | T̃/l | T̃ is a tension that the integrator carries along |
 
 use crate::Separation;
-use nalgebra::{SMatrix, SVector};
+use crate::separation::{is_safe_square, sum_of_squares};
+use nalgebra::{ComplexField, SMatrix, SVector};
 
 /// Material of one spring.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,7 +48,17 @@ pub fn force<const D: usize>(
     x0: &SVector<f64, D>,
     x1: &SVector<f64, D>,
 ) -> SVector<f64, D> {
-    let separation = Separation::between(x0, x1);
+    let dx = x1 - x0;
+    let square = sum_of_squares(&dx);
+    if is_safe_square(square) {
+        let length = ComplexField::sqrt(square);
+        // One division for all components.
+        let per_length = tension(spring, length) / length;
+        if per_length.is_finite() {
+            return dx * per_length;
+        }
+    }
+    let separation = Separation::of(&dx);
     separation.direction * tension(spring, separation.length)
 }
 

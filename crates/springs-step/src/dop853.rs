@@ -76,10 +76,7 @@ impl Dop853 {
 
 fn accelerate(system: &System, state: &State, accelerations: &mut [Vector3<f64>], work: &mut Work) {
     timed(&mut work.phases.assembly, || {
-        system.forces(&state.x, &state.v, accelerations);
-        for (a, mass) in accelerations.iter_mut().zip(system.masses()) {
-            *a /= *mass;
-        }
+        system.accelerations(&state.x, &state.v, accelerations);
     });
     work.counts.force_evaluations += 1;
 }

@@ -210,18 +210,23 @@ impl Simulation {
             return Ok(Outcome::Stopped);
         }
         while !self.is_finished() {
-            if frames.may_lie_within() {
-                self.before.clone_from(&self.nodes);
-            }
-            let interval = self.advance()?;
+            let interval = match self.advance() {
+                Ok(interval) => interval,
+                Err(error) => {
+                    self.stepper.scatter(&mut self.nodes);
+                    return Err(error);
+                }
+            };
             let shown = self.show_frames(&mut frames, interval, observer)?;
             if shown.is_break() || observer.step(interval.end).is_break() {
+                self.stepper.scatter(&mut self.nodes);
                 return Ok(match self.is_finished() {
                     true => Outcome::Finished,
                     false => Outcome::Stopped,
                 });
             }
         }
+        self.stepper.scatter(&mut self.nodes);
         Ok(Outcome::Finished)
     }
 
@@ -235,8 +240,8 @@ impl Simulation {
         if self.is_finished() {
             return Ok(None);
         }
-        self.before.clone_from(&self.nodes);
         let interval = self.advance()?;
+        self.stepper.scatter(&mut self.nodes);
         self.last = Some(interval);
         Ok(Some(interval))
     }
@@ -314,13 +319,14 @@ impl Simulation {
         Ok((late, found))
     }
 
-    /// The state within a step from `before` to the present nodes.
+    /// The state within the last step.
     fn evaluate(
         &mut self,
         interval: Interval,
         time: f64,
         out: &mut NodeStates,
     ) -> Result<(), StepError> {
+        self.stepper.scatter_before(&mut self.before);
         let compiled = (self.stepper.system(), self.stepper.anchors());
         let ends = [&self.before, &self.nodes];
         self.between
@@ -349,8 +355,7 @@ impl Simulation {
                     size: plan.size_of(step),
                 };
                 let (end, h) = (interval.end, interval.size);
-                self.stepper
-                    .step_until(&mut self.nodes, end, h, &mut self.work)?;
+                self.stepper.step_until(end, h, &mut self.work)?;
                 interval
             }
             Schedule::Adaptive(_) => self.adaptive_step()?,
@@ -374,14 +379,14 @@ impl Simulation {
         let start = self.stepper.time();
         loop {
             let interval = next_interval(start, self.duration, controller.step_size());
-            let attempt = self.stepper.attempt(&self.nodes, interval, &mut self.work);
+            let attempt = self.stepper.attempt(interval, &mut self.work);
             let too_small = interval.size < SMALLEST_STEP * self.duration
                 || interval.start + 0.1 * interval.size == interval.start;
             match attempt {
                 Err(error) if too_small => return Err(error),
                 Err(_) => controller.fail(interval.size),
                 Ok(None) => {
-                    self.stepper.reject(&self.nodes);
+                    self.stepper.reject();
                     return Err(self.stepper.error(Cause::NoEstimate, 0, interval));
                 }
                 Ok(Some(mut estimate)) => {
@@ -392,19 +397,18 @@ impl Simulation {
                     }
                     match controller.judge(interval.size, estimate) {
                         Verdict::Accept => {
-                            self.stepper
-                                .accept(&mut self.nodes, interval, &mut self.work);
+                            self.stepper.accept(interval, &mut self.work);
                             if let Some(auto) = &mut self.auto {
                                 auto.record(interval.size, self.work.counts - counts);
                             }
                             return Ok(interval);
                         }
                         Verdict::Reject if too_small => {
-                            self.stepper.reject(&self.nodes);
+                            self.stepper.reject();
                             let cause = Cause::StepTooSmall;
                             return Err(self.stepper.error(cause, estimate.block, interval));
                         }
-                        Verdict::Reject => self.stepper.reject(&self.nodes),
+                        Verdict::Reject => self.stepper.reject(),
                     }
                 }
             }
@@ -458,6 +462,7 @@ impl Simulation {
             if fraction >= 1.0 + AT_THE_END {
                 break;
             }
+            self.stepper.scatter(&mut self.nodes);
             let shown = if fraction >= 1.0 - AT_THE_END {
                 frames.show(time, &self.nodes, observer)
             } else {
@@ -529,11 +534,6 @@ impl Frames {
         while self.next_time().is_some_and(|next| next <= time) {
             self.next += 1;
         }
-    }
-
-    /// Whether the next frame may lie within a step.
-    fn may_lie_within(&self) -> bool {
-        self.next_time().is_some_and(|time| time < self.duration)
     }
 
     /// Shows the next frame.

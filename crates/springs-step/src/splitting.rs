@@ -104,10 +104,7 @@ impl Splitting {
         work: &mut Work,
     ) {
         timed(&mut work.phases.assembly, || {
-            system.forces(x, v, accelerations);
-            for (a, mass) in accelerations.iter_mut().zip(system.masses()) {
-                *a /= *mass;
-            }
+            system.accelerations(x, v, accelerations);
         });
         work.counts.force_evaluations += 1;
     }
@@ -135,19 +132,26 @@ impl Method for Splitting {
             Self::accelerate(system, &state.x, &state.v, &mut self.accelerations, work);
             self.accelerations_are_known = true;
         }
-        let now = &mut self.next_accelerations;
-        now.copy_from_slice(&self.accelerations);
-        self.seen.copy_from_slice(&state.v);
+        let is_damped = !system.dashpots().is_empty();
+        if is_damped {
+            self.seen.copy_from_slice(&state.v);
+        }
+        let (start, next) = (&self.accelerations, &mut self.next_accelerations);
         let mut elapsed = 0.0;
         for (stage, drift) in self.drifts.iter().enumerate() {
             let (kick, next_kick) = (self.kicks[stage] * h, self.kicks[stage + 1] * h);
             let drift = drift * h;
             elapsed += drift;
-            let moving = state.x.iter_mut().zip(&mut state.v).zip(&mut self.seen);
-            for (a, ((x, v), seen)) in now.iter().zip(moving) {
+            let now = if stage == 0 { start } else { &*next };
+            let moving = state.x.iter_mut().zip(&mut state.v);
+            for (a, (x, v)) in now.iter().zip(moving) {
                 *v += a * kick;
                 *x += *v * drift;
-                *seen = *v + a * next_kick;
+            }
+            if is_damped {
+                for ((seen, v), a) in self.seen.iter_mut().zip(&state.v).zip(now) {
+                    *seen = *v + a * next_kick;
+                }
             }
             let last = stage + 1 == self.drifts.len();
             let time = if last {
@@ -156,10 +160,11 @@ impl Method for Splitting {
                 interval.start + elapsed
             };
             anchors.place(time, &mut state.x);
-            Self::accelerate(system, &state.x, &self.seen, now, work);
+            let seen = if is_damped { &self.seen } else { &state.v };
+            Self::accelerate(system, &state.x, seen, next, work);
         }
         let last_kick = self.kicks[self.drifts.len()] * h;
-        for (v, a) in state.v.iter_mut().zip(now.iter()) {
+        for (v, a) in state.v.iter_mut().zip(&self.next_accelerations) {
             *v += a * last_kick;
         }
         Ok(None)

@@ -82,6 +82,14 @@ impl State {
 
     /// The first free block with a position or velocity that is not finite.
     pub(crate) fn first_not_finite(&self, n_free: usize) -> Option<usize> {
+        // Zero times what is not finite is not a number, and stays so in a sum.
+        let zero = |vectors: &[Vector3<f64>]| -> f64 {
+            let sum = |sum: Vector3<f64>, vector: &Vector3<f64>| sum + vector * 0.0;
+            vectors[..n_free].iter().fold(Vector3::zeros(), sum).sum()
+        };
+        if zero(&self.x) + zero(&self.v) == 0.0 {
+            return None;
+        }
         let finite = |vector: &Vector3<f64>| vector.iter().all(|c| c.is_finite());
         (0..n_free).find(|&block| !finite(&self.x[block]) || !finite(&self.v[block]))
     }

@@ -13,6 +13,8 @@ pub struct Stepper {
     method: Box<dyn Method>,
     anchors: Anchors,
     state: State,
+    /// The state before the last step.
+    before: State,
     /// Steps of one size are counted, so that time is not summed up.
     clock: Clock,
     steps: u64,
@@ -71,6 +73,7 @@ impl Stepper {
             steps: 0,
             system,
             method,
+            before: state.clone(),
             state,
         }
     }
@@ -130,15 +133,16 @@ impl Stepper {
         );
         let clock = self.clock.next(h);
         let mut work = Work::default();
-        self.step_until(nodes, clock.time(), h, &mut work)?;
+        self.gather(nodes);
+        self.step_until(clock.time(), h, &mut work)?;
         self.clock = clock;
+        self.scatter(nodes);
         Ok(work)
     }
 
-    /// [`Self::step`] to a time `end` that is one step away up to rounding.
+    /// [`Self::step`] from the global vectors to a time `end` that is one step away up to rounding.
     pub(crate) fn step_until(
         &mut self,
-        nodes: &mut NodeStates,
         end: f64,
         h: f64,
         work: &mut Work,
@@ -148,8 +152,8 @@ impl Stepper {
             end,
             size: h,
         };
-        self.attempt(nodes, interval, work)?;
-        self.accept(nodes, interval, work);
+        self.attempt(interval, work)?;
+        self.accept(interval, work);
         Ok(())
     }
 
@@ -157,11 +161,10 @@ impl Stepper {
     /// was before.
     pub(crate) fn attempt(
         &mut self,
-        nodes: &NodeStates,
         interval: Interval,
         work: &mut Work,
     ) -> Result<Option<ErrorEstimate>, StepError> {
-        self.gather(nodes);
+        self.before.clone_from(&self.state);
         let made = self
             .method
             .step(&self.system, &self.anchors, interval, &mut self.state, work);
@@ -175,7 +178,7 @@ impl Stepper {
         match failure {
             None => Ok(made.unwrap_or_default()),
             Some((cause, block)) => {
-                self.reject(nodes);
+                self.reject();
                 Err(self.error(cause, block, interval))
             }
         }
@@ -198,17 +201,26 @@ impl Stepper {
     }
 
     /// The attempted step stands.
-    pub(crate) fn accept(&mut self, nodes: &mut NodeStates, interval: Interval, work: &mut Work) {
+    pub(crate) fn accept(&mut self, interval: Interval, work: &mut Work) {
         self.method.accept();
-        self.state.scatter(&self.system, nodes);
         self.state.time = interval.end;
         self.steps += 1;
         work.counts.steps += 1;
     }
 
     /// The attempted step is taken back; hidden state was not touched.
-    pub(crate) fn reject(&mut self, nodes: &NodeStates) {
-        self.state.gather(&self.system, nodes);
+    pub(crate) fn reject(&mut self) {
+        self.state.clone_from(&self.before);
+    }
+
+    /// Copies the global vectors back to the nodes.
+    pub(crate) fn scatter(&self, nodes: &mut NodeStates) {
+        self.state.scatter(&self.system, nodes);
+    }
+
+    /// The same with those before the last step.
+    pub(crate) fn scatter_before(&self, nodes: &mut NodeStates) {
+        self.before.scatter(&self.system, nodes);
     }
 
     /// Collects positions and velocities of the nodes into the global vectors.
