@@ -243,7 +243,7 @@ impl Fronts {
             }
         }
         let mut seen = vec![NONE; graph.n_blocks()];
-        for front in 0..self.len() {
+        for (front, below) in below.into_iter().enumerate() {
             let end = self.first[front + 1];
             let mut rows = Vec::new();
             let mut add = |row: u32| {
@@ -252,7 +252,7 @@ impl Fronts {
                     rows.push(row);
                 }
             };
-            for row in std::mem::take(&mut below[front]) {
+            for row in below {
                 add(row);
             }
             for &child in self.children(front) {

@@ -15,14 +15,14 @@
 //! symmetric themselves.
 //!
 //! ```
-//! use springs_solver::SparseCholesky;
+//! use springs_solver::{Options, SparseCholesky};
 //!
 //! // [4I  −I; −I  4I] x = b
-//! let mut cholesky = SparseCholesky::analyze(2, &[[0, 1]])?;
+//! let mut cholesky = SparseCholesky::analyze(2, &[[0, 1]], Options::default())?;
 //! let identity = |s: f64| [s, 0.0, 0.0, s, 0.0, s];
 //! cholesky.factorize(&[identity(4.0); 2], &[identity(-1.0)])?;
 //! let mut x = [3.0; 6];
-//! cholesky.solve_in_place(&mut x);
+//! cholesky.solve_in_place(&mut x)?;
 //! assert!(x.iter().all(|x| (x - 1.0).abs() < 1e-15));
 //! # Ok::<(), springs_solver::SolveError>(())
 //! ```
@@ -31,9 +31,11 @@ mod cholesky;
 mod dissection;
 mod fronts;
 mod graph;
+mod mixed;
 mod multifrontal;
+mod tree;
 
-pub use cholesky::{FactorSize, SparseCholesky};
+pub use cholesky::{FactorSize, Options, Precision, SparseCholesky};
 
 /// Why a system could not be solved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]

@@ -160,11 +160,6 @@ impl<T: Real> Multifrontal<T> {
         })
     }
 
-    /// Stored entries of the factor.
-    pub(crate) fn entries(&self) -> usize {
-        self.factor.len()
-    }
-
     /// Factorizes the matrix with the given packed blocks, by source.
     ///
     /// The same bits for any number of threads: fronts do not depend on who
@@ -344,20 +339,19 @@ fn split(fronts: &Fronts) -> (Vec<Range<usize>>, Vec<usize>) {
     let mut flops: Vec<f64> = (0..n).map(|front| fronts.flops(front)).collect();
     let total: f64 = flops.iter().sum();
     let mut first: Vec<usize> = (0..n).collect();
-    for front in 0..n {
-        if let Some(parent) = fronts.parent(front) {
-            flops[parent] += flops[front];
-            first[parent] = first[parent].min(first[front]);
-        }
+    let with_parents = (0..n).filter_map(|front| Some((front, fronts.parent(front)?)));
+    for (front, parent) in with_parents {
+        flops[parent] += flops[front];
+        first[parent] = first[parent].min(first[front]);
     }
     let mut tasks = Vec::new();
     let mut top = Vec::new();
-    for front in 0..n {
+    for (front, &first) in first.iter().enumerate() {
         let is_small = |front: usize| flops[front] <= TASK * total;
         match fronts.parent(front) {
             _ if !is_small(front) => top.push(front),
             Some(parent) if is_small(parent) => {}
-            _ => tasks.push(first[front]..front + 1),
+            _ => tasks.push(first..front + 1),
         }
     }
     (tasks, top)
@@ -522,7 +516,8 @@ fn eliminate_columns<T: Real>(
         let column = &mut done[k * height..];
         let pivot = column[k];
         // Not a number, too, is not positive.
-        if !(pivot > T::default()) {
+        let is_positive = pivot > T::default();
+        if !is_positive {
             return Err(k);
         }
         let root = pivot.root();

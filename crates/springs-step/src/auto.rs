@@ -415,7 +415,7 @@ impl Auto {
             step_size: h,
         };
         for _ in 0..MOST_ATTEMPTS {
-            self.tried.clone_from(state);
+            self.tried.copy_from(state);
             method.restart();
             let interval = Interval {
                 start: state.time,

@@ -1,6 +1,6 @@
 //! Filtered leapfrog: Verlet with kicks that pass through a stiffness matrix.
 
-use crate::stage::{OnDemand, analyze, factorize};
+use crate::stage::{OnDemand, analyze, factorize, solve};
 use crate::work::timed;
 use crate::{Anchors, ErrorEstimate, Interval, Method, MethodError, State, Work};
 use nalgebra::Vector3;
@@ -95,11 +95,8 @@ impl FilteredLeapfrog {
             system.dashpots().add_forces(&state.x, &state.v, forces);
             self.next_accelerations[..n_free].copy_from_slice(forces);
         });
-        timed(&mut work.phases.solve, || {
-            let free = &mut self.next_accelerations[..n_free];
-            self.cholesky.solve_in_place(bytemuck::cast_slice_mut(free));
-        });
-        work.counts.solves += 1;
+        let free = &mut self.next_accelerations[..n_free];
+        solve(&mut self.cholesky, free, work)?;
         // What the filter leaves of the tension.
         system.springs().predict_tensions(
             &state.x,

@@ -1,7 +1,6 @@
 //! Linearly implicit Euler: the step of the note, Eqs. 10–14.
 
-use crate::stage::{OnDemand, analyze, answer, factorize};
-use crate::work::timed;
+use crate::stage::{OnDemand, analyze, answer, factorize, solve};
 use crate::{Anchors, ErrorEstimate, Interval, Method, MethodError, Quadrature, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::{Evaluation, Linearization, Projection, System, Weights};
@@ -94,22 +93,24 @@ impl LinearlyImplicitEuler {
     }
 
     /// Solves for the new velocities, Eq. 14.
-    fn velocity_step(&mut self, system: &System, state: &State, h: f64, work: &mut Work) {
-        timed(&mut work.phases.solve, || {
-            let Linearization {
-                forces,
-                anchor_load,
-                ..
-            } = &self.linearization;
-            let known = forces.iter().zip(anchor_load);
-            let momenta = system.masses().iter().zip(&state.v);
-            for ((rhs, (f, load)), (m, v)) in self.velocities.iter_mut().zip(known).zip(momenta) {
-                *rhs = v * *m + f * h + load;
-            }
-            self.cholesky
-                .solve_in_place(bytemuck::cast_slice_mut(&mut self.velocities));
-        });
-        work.counts.solves += 1;
+    fn velocity_step(
+        &mut self,
+        system: &System,
+        state: &State,
+        h: f64,
+        work: &mut Work,
+    ) -> Result<(), MethodError> {
+        let Linearization {
+            forces,
+            anchor_load,
+            ..
+        } = &self.linearization;
+        let known = forces.iter().zip(anchor_load);
+        let momenta = system.masses().iter().zip(&state.v);
+        for ((rhs, (f, load)), (m, v)) in self.velocities.iter_mut().zip(known).zip(momenta) {
+            *rhs = v * *m + f * h + load;
+        }
+        solve(&mut self.cholesky, &mut self.velocities, work)
     }
 
     /// x' = x + h v'.
@@ -155,7 +156,7 @@ impl Method for LinearlyImplicitEuler {
     ) -> Result<Option<ErrorEstimate>, MethodError> {
         let h = interval.size;
         self.assemble(system, state, h, work)?;
-        self.velocity_step(system, state, h, work);
+        self.velocity_step(system, state, h, work)?;
         if self.tangent == Tangent::Filtered {
             self.predict_tensions(system, state, h);
         }

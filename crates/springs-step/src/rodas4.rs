@@ -1,7 +1,7 @@
 //! RODAS4: a Rosenbrock method of order 4.
 
 use crate::method::time_scale;
-use crate::stage::{OnDemand, analyze, factorize, largest};
+use crate::stage::{OnDemand, analyze, factorize, largest, solve};
 use crate::work::timed;
 use crate::{Anchors, ErrorEstimate, Interval, Method, MethodError, State, Work};
 use nalgebra::Vector3;
@@ -111,22 +111,25 @@ impl Rodas4 {
     ///
     /// With J = [[0, 1], [−M⁻¹H, 0]] the velocities drop out:
     /// (M + (hγ)²H) u_x = hγ M(r_x + hγ r_v), u_v = u_x/(hγ) − r_x.
-    fn solve(&mut self, system: &System, stage: usize, h: f64, work: &mut Work) {
+    fn solve(
+        &mut self,
+        system: &System,
+        stage: usize,
+        h: f64,
+        work: &mut Work,
+    ) -> Result<(), MethodError> {
         let c = GAMMA * h;
         let slopes = &mut self.stages[stage];
-        timed(&mut work.phases.solve, || {
-            let known = system.masses().iter().zip(&slopes.x).zip(&slopes.v);
-            for (rhs, ((m, rx), rv)) in self.forces.iter_mut().zip(known) {
-                *rhs = (rx + rv * c) * (c * m);
-            }
-            self.cholesky
-                .solve_in_place(bytemuck::cast_slice_mut(&mut self.forces));
-            for ((x, v), solved) in slopes.x.iter_mut().zip(&mut slopes.v).zip(&self.forces) {
-                *v = solved / c - *x;
-                *x = *solved;
-            }
-        });
-        work.counts.solves += 1;
+        let known = system.masses().iter().zip(&slopes.x).zip(&slopes.v);
+        for (rhs, ((m, rx), rv)) in self.forces.iter_mut().zip(known) {
+            *rhs = (rx + rv * c) * (c * m);
+        }
+        solve(&mut self.cholesky, &mut self.forces, work)?;
+        for ((x, v), solved) in slopes.x.iter_mut().zip(&mut slopes.v).zip(&self.forces) {
+            *v = solved / c - *x;
+            *x = *solved;
+        }
+        Ok(())
     }
 }
 
@@ -185,7 +188,7 @@ impl Method for Rodas4 {
                 self.stages[stage].x[block] = self.stage.v[block] + cx / h;
                 self.stages[stage].v[block] = force / system.masses()[block] + cv / h;
             }
-            self.solve(system, stage, h, work);
+            self.solve(system, stage, h, work)?;
         }
         // The last stage was evaluated at the embedded result; its u leads on
         // to the result, and is the estimate of the error.

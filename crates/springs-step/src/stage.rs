@@ -4,7 +4,7 @@ use crate::work::timed;
 use crate::{MethodError, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::{Evaluation, ForceEmitter as _, Linearization, Projection, System, Weights};
-use springs_solver::{SolveError, SparseCholesky};
+use springs_solver::{Options, Precision, SolveError, SparseCholesky};
 
 /// Solver of M v = p + c f(x, v), x = q + c v for the velocities v of a stage.
 ///
@@ -226,21 +226,16 @@ impl Stage {
                 .add_forces(&state.x, &state.v, &mut out.forces);
         });
         let delta = &mut self.delta[..n_free];
-        let mut product = 0.0;
-        timed(&mut work.phases.solve, || {
-            let known = problem.momenta.iter().zip(&out.forces);
-            let momenta = system.masses().iter().zip(&state.v);
-            for (((p, f), (m, v)), delta) in known.zip(momenta).zip(&mut *delta) {
-                *delta = p + f * c - v * *m;
-            }
-            // The forces are not needed any more; they keep the residual.
-            out.forces.copy_from_slice(delta);
-            self.cholesky
-                .solve_in_place(bytemuck::cast_slice_mut(delta));
-            product = out.forces.iter().zip(&*delta).map(|(r, d)| r.dot(d)).sum();
-        });
-        work.counts.solves += 1;
-        Ok(product)
+        let known = problem.momenta.iter().zip(&out.forces);
+        let momenta = system.masses().iter().zip(&state.v);
+        for (((p, f), (m, v)), delta) in known.zip(momenta).zip(&mut *delta) {
+            *delta = p + f * c - v * *m;
+        }
+        // The forces are not needed any more; they keep the residual.
+        out.forces.copy_from_slice(delta);
+        solve(&mut self.cholesky, delta, work)?;
+        let products = out.forces.iter().zip(&*delta).map(|(r, d)| r.dot(d));
+        Ok(products.sum())
     }
 
     /// Adds a fraction of the correction.
@@ -266,12 +261,12 @@ impl Stage {
 
     /// With the factor of the last correction: what is left of a disturbance
     /// of momenta when the springs have answered.
-    pub(crate) fn filter(&mut self, momenta: &mut [Vector3<f64>], work: &mut Work) {
-        timed(&mut work.phases.solve, || {
-            self.cholesky
-                .solve_in_place(bytemuck::cast_slice_mut(momenta));
-        });
-        work.counts.solves += 1;
+    pub(crate) fn filter(
+        &mut self,
+        momenta: &mut [Vector3<f64>],
+        work: &mut Work,
+    ) -> Result<(), MethodError> {
+        solve(&mut self.cholesky, momenta, work)
     }
 
     /// [`answer`] with the matrix and solver of the stage.
@@ -418,12 +413,30 @@ pub(crate) fn analyze(system: &System, work: &mut Work) -> Result<SparseCholesky
     let n_free = system.n_free();
     let positions = blocks_of(&system.initial_positions()[..n_free]);
     let pairs = system.pattern().pairs();
-    SparseCholesky::analyze_at(n_free, pairs, Some(positions), system.threads())
+    let options = Options {
+        positions: Some(positions),
+        threads: system.threads(),
+        precision: Precision::Auto,
+    };
+    SparseCholesky::analyze(n_free, pairs, options)
 }
 
 /// Vectors as plain arrays.
 pub(crate) fn blocks_of(vectors: &[Vector3<f64>]) -> &[[f64; 3]] {
     bytemuck::cast_slice(vectors)
+}
+
+/// Solves with the last factor, in place.
+pub(crate) fn solve(
+    cholesky: &mut SparseCholesky,
+    rhs: &mut [Vector3<f64>],
+    work: &mut Work,
+) -> Result<(), MethodError> {
+    work.counts.solves += 1;
+    timed(&mut work.phases.solve, || {
+        cholesky.solve_in_place(bytemuck::cast_slice_mut(rhs))
+    })
+    .map_err(MethodError::of)
 }
 
 /// Forces and matrix, factorized, with the given treatment of negative across
@@ -477,11 +490,7 @@ pub(crate) fn answer(
         weights: Weights::of_step(time_scale),
     };
     let factorized = factorize(system, cholesky, OnDemand::Always, at, out, work);
-    if factorized.is_ok() {
-        timed(&mut work.phases.solve, || {
-            cholesky.solve_in_place(bytemuck::cast_slice_mut(errors));
-        });
-        work.counts.solves += 1;
-    }
-    factorized.is_ok()
+    factorized
+        .and_then(|()| solve(cholesky, errors, work))
+        .is_ok()
 }

@@ -58,6 +58,13 @@ impl State {
         }
     }
 
+    /// Becomes a copy of another state of the same system, without allocating.
+    pub(crate) fn copy_from(&mut self, other: &Self) {
+        self.time = other.time;
+        self.x.copy_from_slice(&other.x);
+        self.v.copy_from_slice(&other.v);
+    }
+
     /// Collects the nodes into the global vectors; says whether anything
     /// differs from what was there.
     pub(crate) fn gather(&mut self, system: &System, nodes: &NodeStates) -> bool {

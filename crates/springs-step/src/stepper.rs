@@ -164,7 +164,7 @@ impl Stepper {
         interval: Interval,
         work: &mut Work,
     ) -> Result<Option<ErrorEstimate>, StepError> {
-        self.before.clone_from(&self.state);
+        self.before.copy_from(&self.state);
         let made = self
             .method
             .step(&self.system, &self.anchors, interval, &mut self.state, work);
@@ -210,7 +210,7 @@ impl Stepper {
 
     /// The attempted step is taken back; hidden state was not touched.
     pub(crate) fn reject(&mut self) {
-        self.state.clone_from(&self.before);
+        self.state.copy_from(&self.before);
     }
 
     /// Copies the global vectors back to the nodes.

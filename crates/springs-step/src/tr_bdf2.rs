@@ -164,7 +164,7 @@ impl Method for TrBdf2 {
             *error = second * (2.0 * K * h);
         }
         self.errors.copy_from_slice(&self.momenta);
-        self.stage.filter(&mut self.momenta, work);
+        self.stage.filter(&mut self.momenta, work)?;
         let (block, error) = largest(&self.momenta);
         let speed = largest(&state.v[..n_free]).1;
         let changes = state.v.iter().zip(&self.before.v).take(n_free);
