@@ -15,8 +15,8 @@ use faer::sparse::linalg::cholesky::{
 use faer::sparse::{SparseColMat, Triplet};
 use faer::{Col, Conj, Par, Side};
 use nalgebra::{Matrix3, Vector3};
-use springs::scene::{Method, Scene};
-use springs::step::{NodeStates, Stepper};
+use springs::scene::{Method, Scene, StepControl};
+use springs::step::{NodeStates, Simulation, Stepper};
 
 const H: f64 = 1.0 / 60.0;
 
@@ -140,11 +140,18 @@ fn step(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("step");
     for scene in common::scenes() {
         let id = |what| BenchmarkId::new(what, &scene.name);
-        let mut nodes = NodeStates::of(&scene);
-        let mut stepper = Stepper::new(&scene).expect("a sound scene");
-        group.bench_function(id("linearly implicit Euler"), |bencher| {
-            bencher.iter(|| stepper.step(&mut nodes, H).expect("a step"));
-        });
+        for (threads, what) in [
+            (1, "linearly implicit Euler"),
+            (0, "linearly implicit Euler, all threads"),
+        ] {
+            let mut scene = scene.clone();
+            scene.settings.threads = threads;
+            let mut nodes = NodeStates::of(&scene);
+            let mut stepper = Stepper::new(&scene).expect("a sound scene");
+            group.bench_function(id(what), |bencher| {
+                bencher.iter(|| stepper.step(&mut nodes, H).expect("a step"));
+            });
+        }
 
         let is_chain = scene.name.starts_with("chain");
         let is_block_16 = scene.name == "block 16";
@@ -164,11 +171,15 @@ fn step(criterion: &mut Criterion) {
         // A step that is stable whatever the stiffness; its cost is the same.
         let mut explicit = scene.clone();
         explicit.settings.method = Method::VelocityVerlet;
-        let mut nodes = NodeStates::of(&explicit);
-        let mut stepper = Stepper::new(&explicit).expect("a sound scene");
-        let h = 0.1 / stepper.system().frequency_bound();
+        let bound = Stepper::new(&explicit)
+            .expect("a sound scene")
+            .system()
+            .frequency_bound();
+        explicit.settings.step = StepControl::Fixed(0.1 / bound);
+        explicit.settings.duration = 1e6 / bound;
+        let mut simulation = Simulation::new(&explicit).expect("a sound scene");
         group.bench_function(id("velocity Verlet"), |bencher| {
-            bencher.iter(|| stepper.step(&mut nodes, h).expect("a step"));
+            bencher.iter(|| simulation.step().expect("a step"));
         });
     }
     group.finish();
