@@ -1,17 +1,14 @@
-//! Force and Hessian of springs in cache, in ns per spring: one spring at a
-//! time as a full matrix, and eight side by side as six entries.
+//! Force and Hessian of springs in cache, in ns per spring: by two functions as
+//! a full matrix, and at once as six entries.
 
 mod common;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use nalgebra::{Matrix3, Vector3};
-use springs::assembly::PACKED;
-use springs::math::lanes::{LANES, Lane, Separations, tension};
-use springs::math::spring::{Spring, force, hessian_block};
+use springs::math::spring::{Spring, force, hessian_block, linearize};
 use std::hint::black_box;
 
-const GROUPS: usize = 512;
-const SPRINGS: usize = GROUPS * LANES;
+const SPRINGS: usize = 4096;
 
 fn kernels(criterion: &mut Criterion) {
     let spring = Spring {
@@ -27,7 +24,7 @@ fn kernels(criterion: &mut Criterion) {
 
     let differences: Vec<Vector3<f64>> = (0..SPRINGS).map(difference).collect();
     let mut out = vec![(Vector3::zeros(), Matrix3::zeros()); SPRINGS];
-    group.bench_function("one at a time", |bencher| {
+    group.bench_function("force, full block", |bencher| {
         bencher.iter(|| {
             for (out, dx) in out.iter_mut().zip(&differences) {
                 let origin = Vector3::zeros();
@@ -40,26 +37,11 @@ fn kernels(criterion: &mut Criterion) {
         });
     });
 
-    let lanes: Vec<[Lane; 3]> = (0..GROUPS)
-        .map(|group| {
-            std::array::from_fn(|axis| {
-                std::array::from_fn(|lane| difference(group * LANES + lane)[axis])
-            })
-        })
-        .collect();
-    let (stiffness, rest_length) = ([spring.stiffness; LANES], [spring.rest_length; LANES]);
-    let mut out = vec![([[0.0; LANES]; 3], [[0.0; LANES]; 6]); GROUPS];
-    group.bench_function("eight side by side", |bencher| {
+    let mut out = vec![(Vector3::zeros(), [0.0; 6]); SPRINGS];
+    group.bench_function("at once, packed", |bencher| {
         bencher.iter(|| {
-            for ((forces, blocks), dx) in out.iter_mut().zip(&lanes) {
-                let separations = Separations::of(dx);
-                let tension = tension(&stiffness, &rest_length, &separations.length);
-                let across = separations.across_stiffness(&stiffness, &tension, |s| s);
-                *forces = separations
-                    .direction
-                    .map(|u| std::array::from_fn(|k| u[k] * tension[k]));
-                *blocks = PACKED
-                    .map(|(row, column)| separations.block_entry(row, column, &stiffness, &across));
+            for (out, dx) in out.iter_mut().zip(&differences) {
+                *out = linearize(spring, None, dx, |across| across);
             }
             black_box(&mut out);
         });

@@ -1,29 +1,18 @@
 //! Springs as force emitters.
 
 use crate::batch::Connections;
-use crate::{Evaluation, ForceEmitter, Linearization, Numbering, PACKED, Projection};
+use crate::{Evaluation, ForceEmitter, Linearization, Numbering, Projection};
 use nalgebra::Vector3;
-use springs_math::lanes::{LANES, Lane, Separations, tension};
 use springs_math::{Separation, spring};
 use springs_scene::Scene;
-use std::ops::Range;
 
-/// All springs that have a stiffness, evaluated [`LANES`] at a time.
+/// All springs that have a stiffness.
 #[derive(Clone, Debug)]
 pub struct Springs {
     pub(crate) connections: Connections,
     stiffness: Vec<f64>,
     rest_length: Vec<f64>,
     scene_index: Vec<usize>,
-}
-
-/// Springs `start..start + count`, side by side.
-struct Group {
-    start: usize,
-    count: usize,
-    stiffness: Lane,
-    tension: Lane,
-    separations: Separations<3>,
 }
 
 impl Springs {
@@ -65,72 +54,11 @@ impl Springs {
         }
     }
 
-    /// Calls `visit` for all springs of `range`, group by group.
+    /// T = K(l − l₀) of one spring and its length, in N and m.
     #[inline(always)]
-    fn for_each_group(
-        &self,
-        range: Range<usize>,
-        x: &[Vector3<f64>],
-        mut visit: impl FnMut(&Group),
-    ) {
-        for start in range.clone().step_by(LANES) {
-            let count = LANES.min(range.end - start);
-            let mut dx = [[0.0; LANES]; 3];
-            let mut stiffness = [0.0; LANES];
-            let mut rest_length = [0.0; LANES];
-            for k in 0..LANES {
-                // A short group is filled up with its last spring.
-                let index = start + k.min(count - 1);
-                let difference = self.connections.difference(index, x);
-                for axis in 0..3 {
-                    dx[axis][k] = difference[axis];
-                }
-                stiffness[k] = self.stiffness[index];
-                rest_length[k] = self.rest_length[index];
-            }
-            let separations = Separations::of(&dx);
-            visit(&Group {
-                start,
-                count,
-                stiffness,
-                tension: tension(&stiffness, &rest_length, &separations.length),
-                separations,
-            });
-        }
-    }
-
-    #[inline(always)]
-    fn add_group_forces(&self, group: &Group, forces: &mut [Vector3<f64>]) {
-        let [x, y, z] = group
-            .separations
-            .direction
-            .map(|u| -> Lane { std::array::from_fn(|k| u[k] * group.tension[k]) });
-        for k in 0..group.count {
-            let force = Vector3::new(x[k], y[k], z[k]);
-            self.connections.add_force(group.start + k, force, forces);
-        }
-    }
-
-    /// Blocks B of a group times `weight`, spring by spring.
-    #[inline(always)]
-    fn blocks(
-        &self,
-        group: &Group,
-        tensions: Option<&[f64]>,
-        weight: f64,
-        project: impl Fn(f64) -> f64,
-    ) -> [[f64; 6]; LANES] {
-        let tension = match tensions {
-            None => group.tension,
-            Some(given) => std::array::from_fn(|k| given[group.start + k.min(group.count - 1)]),
-        };
-        let separations = &group.separations;
-        let across = separations.across_stiffness(&group.stiffness, &tension, project);
-        let weighted = |lane: &Lane| -> Lane { std::array::from_fn(|k| weight * lane[k]) };
-        let (along, across) = (weighted(&group.stiffness), weighted(&across));
-        let entries =
-            PACKED.map(|(row, column)| separations.block_entry(row, column, &along, &across));
-        std::array::from_fn(|k| std::array::from_fn(|entry| entries[entry][k]))
+    fn tension_and_length(&self, index: usize, x: &[Vector3<f64>]) -> (f64, f64) {
+        let length = Separation::of(&self.connections.difference(index, x)).length;
+        (spring::tension(self.material(index), length), length)
     }
 
     fn linearize_with(
@@ -140,20 +68,23 @@ impl Springs {
         out: &mut Linearization,
     ) {
         let weight = at.weights.stiffness;
-        self.for_each_group(self.connections.interior(), at.x, |group| {
-            self.add_group_forces(group, &mut out.forces);
-            let blocks = self.blocks(group, at.tensions, weight, project);
-            for (index, block) in (group.start..).zip(&blocks).take(group.count) {
-                self.connections.add_block(index, block, &mut out.matrix);
+        for index in self.connections.live() {
+            let dx = self.connections.difference(index, at.x);
+            let (force, block) = spring::linearize(
+                self.material(index),
+                at.tensions.map(|tensions| tensions[index]),
+                &dx,
+                project,
+            );
+            let block = block.map(|entry| weight * entry);
+            self.connections.add_force(index, force, &mut out.forces);
+            match index < self.connections.interior().end {
+                true => self.connections.add_block(index, &block, &mut out.matrix),
+                false => self
+                    .connections
+                    .add_anchored_block(index, &block, at.v, out),
             }
-        });
-        self.for_each_group(self.connections.anchored(), at.x, |group| {
-            self.add_group_forces(group, &mut out.forces);
-            let blocks = self.blocks(group, at.tensions, weight, project);
-            for (index, block) in (group.start..).zip(&blocks).take(group.count) {
-                self.connections.add_anchored_block(index, block, at.v, out);
-            }
-        });
+        }
     }
 
     /// T = K(l − l₀) of every spring with a free end, in N; zero for the rest.
@@ -163,9 +94,9 @@ impl Springs {
     /// If `tensions` does not have one entry per spring of the batch.
     pub fn tensions(&self, x: &[Vector3<f64>], tensions: &mut [f64]) {
         assert_eq!(tensions.len(), self.len(), "one entry per spring");
-        self.for_each_group(self.connections.live(), x, |group| {
-            tensions[group.start..][..group.count].copy_from_slice(&group.tension[..group.count]);
-        });
+        for index in self.connections.live() {
+            tensions[index] = self.tension_and_length(index, x).0;
+        }
     }
 
     /// The tensions predicted for positions x + h·v, in N: T = K(l − l₀) at `x`
@@ -196,14 +127,11 @@ impl Springs {
     /// How many springs with a free end have a negative tension: their own, or
     /// the given one.
     pub fn count_compressed(&self, x: &[Vector3<f64>], tensions: Option<&[f64]>) -> usize {
-        let mut count = 0;
-        self.for_each_group(self.connections.live(), x, |group| {
-            for k in 0..group.count {
-                let tension = tensions.map_or(group.tension[k], |given| given[group.start + k]);
-                count += usize::from(tension < 0.0 && group.separations.length[k] > 0.0);
-            }
-        });
-        count
+        let is_compressed = |index: &usize| {
+            let (own, length) = self.tension_and_length(*index, x);
+            tensions.map_or(own, |given| given[*index]) < 0.0 && length > 0.0
+        };
+        self.connections.live().filter(is_compressed).count()
     }
 
     /// Adds the stiffness of each spring, in N/m, to its free blocks.

@@ -1,10 +1,10 @@
 //! Energy, force and Hessian kernels of mass-spring systems.
 //!
 //! Formulas of one term at a time, for someone with their own solver: the
-//! [`spring`], the [`dashpot`] along a spring and [`gravity`]. Every function
-//! is generic over the dimension `D` = 1, 2 or 3, allocates nothing, and knows
-//! neither node indices nor matrices nor time. [`lanes`] holds the same spring
-//! formulas for several springs side by side.
+//! [`spring`], the [`dashpot`] along a spring and [`gravity`]. Functions are
+//! generic over the dimension `D` = 1, 2 or 3, allocate nothing, and know
+//! neither node indices nor matrices nor time. [`spring::linearize`] gives force
+//! and block of a spring in space at once, for inner loops.
 //!
 //! Signs, once: a force is f = −∂V/∂x and a Hessian is H = +∂²V/∂x². With
 //! Δx = x₁ − x₀, the force on node 0 of a stretched spring points along +Δx.
@@ -26,7 +26,6 @@
 
 pub mod dashpot;
 pub mod gravity;
-pub mod lanes;
 mod separation;
 pub mod spring;
 

@@ -124,6 +124,46 @@ pub fn hessian_block_filtered<const D: usize>(
     assemble_block(spring, &separation, tension / separation.length)
 }
 
+/// Force and block of one spring at once: [`force`] in N, and the block in N/m
+/// as (xx, xy, xz, yy, yz, zz), with across stiffness `project`(T/l), where T is
+/// the `tension` given in N or else the spring's own. `dx` = x₁ − x₀ in m.
+#[inline(always)]
+pub fn linearize(
+    spring: Spring,
+    given: Option<f64>,
+    dx: &SVector<f64, 3>,
+    project: impl Fn(f64) -> f64,
+) -> (SVector<f64, 3>, [f64; 6]) {
+    let square = sum_of_squares(dx);
+    if is_safe_square(square) {
+        let length = ComplexField::sqrt(square);
+        let inverse = 1.0 / length;
+        let own = tension(spring, length);
+        let per_length = own * inverse;
+        if per_length.is_finite() {
+            let across = project(given.unwrap_or(own) * inverse);
+            let u = dx * inverse;
+            let more = spring.stiffness - across;
+            let [x, y, z] = [u.x * more, u.y * more, u.z * more];
+            let block = [
+                across + x * u.x,
+                x * u.y,
+                x * u.z,
+                across + y * u.y,
+                y * u.z,
+                across + z * u.z,
+            ];
+            return (dx * per_length, block);
+        }
+    }
+    let separation = Separation::of(dx);
+    let own = tension(spring, separation.length);
+    let across = project(given.unwrap_or(own) / separation.length);
+    let b = assemble_block(spring, &separation, across);
+    let block = [b.m11, b.m12, b.m13, b.m22, b.m23, b.m33];
+    (separation.direction * own, block)
+}
+
 #[inline(always)]
 fn block<const D: usize>(
     spring: Spring,
@@ -154,6 +194,52 @@ fn assemble_block<const D: usize>(
 mod tests {
     use super::*;
     use nalgebra::{Matrix3, Rotation3, Vector1, Vector2, Vector3};
+
+    /// Ordinary, compressed, coincident, tiny, huge, along an axis.
+    #[test]
+    fn linearize_is_force_and_block_at_once() {
+        let differences = [
+            Vector3::new(1.0, 2.0, -2.0),
+            Vector3::new(0.3, -0.1, 0.2),
+            Vector3::zeros(),
+            Vector3::new(1e-160, 2e-160, 0.0),
+            Vector3::new(5e200, -1e200, 3e200),
+            Vector3::new(0.0, 0.0, -0.7),
+            Vector3::new(1e-201, 0.0, 0.0),
+        ];
+        let origin = Vector3::zeros();
+        let close = |a: f64, b: f64, scale: f64| (a - b).abs() <= 1e-14 * scale || a == b;
+        for dx in differences {
+            let expected_force = force(SPRING, &origin, &dx);
+            let scale = SPRING.stiffness * dx.norm().max(SPRING.rest_length);
+            for (project, block) in [
+                (
+                    (|across| across) as fn(f64) -> f64,
+                    hessian_block(SPRING, &origin, &dx),
+                ),
+                (
+                    |across| across.max(0.0),
+                    hessian_block_clamped(SPRING, &origin, &dx),
+                ),
+                (f64::abs, hessian_block_absolute(SPRING, &origin, &dx)),
+                (|_| 0.0, hessian_block_material(SPRING, &origin, &dx)),
+            ] {
+                let (force, packed) = linearize(SPRING, None, &dx, project);
+                for (a, b) in force.iter().zip(&expected_force) {
+                    assert!(close(*a, *b, scale), "{dx}: {a:e} {b:e}");
+                }
+                let [xx, xy, xz, yy, yz, zz] = packed;
+                let whole = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
+                let largest = block.amax();
+                for (a, b) in whole.iter().zip(&block) {
+                    assert!(close(*a, *b, 10.0 * largest), "{dx}: {a:e} {b:e}");
+                }
+            }
+            let (_, filtered) = linearize(SPRING, Some(0.4), &dx, |across| across);
+            let block = hessian_block_filtered(SPRING, 0.4, &origin, &dx);
+            assert!(close(filtered[0], block.m11, 10.0 * block.amax()));
+        }
+    }
 
     const SPRING: Spring = Spring {
         stiffness: 7.0,

@@ -305,7 +305,7 @@ impl Stage {
         last: f64,
     ) -> bool {
         let enough = self.enough(problem, state, system);
-        size <= enough || (size <= ACCEPTABLE * enough && size >= 0.3 * last)
+        size <= enough || (size <= ACCEPTABLE * enough && size >= 0.1 * last)
     }
 
     /// The correction, in m/s, from which on the stage is right to rounding:
