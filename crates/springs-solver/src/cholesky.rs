@@ -5,7 +5,7 @@ use crate::dissection::nested_dissection;
 use crate::fronts::{Elimination, Fronts};
 use crate::graph::minimum_degree;
 use crate::mixed::Mixed;
-use crate::multifrontal::{Multifrontal, NotPositive};
+use crate::multifrontal::{Layout, Multifrontal, NotPositive};
 use crate::tree::Tree;
 
 /// How much a factorization is.
@@ -107,18 +107,10 @@ impl SparseCholesky {
             is_double: true,
             order: elimination.order,
         };
-        let flops: f64 = (0..cholesky.fronts.len())
-            .map(|front| cholesky.fronts.flops(front))
-            .sum();
         if cholesky.tree.is_some() {
             return Ok(cholesky);
         }
-        let is_mixed = match options.precision {
-            Precision::Double => false,
-            Precision::Mixed => true,
-            Precision::Auto => flops > WORTH_MIXING,
-        };
-        match is_mixed {
+        match is_mixed(&cholesky.fronts, options.precision) {
             true => {
                 let mixed = Mixed::new(&cholesky.fronts, n_blocks, pairs.len(), options.threads);
                 cholesky.mixed = Some(mixed.ok_or(SolveError::TooLarge { n_blocks })?);
@@ -153,6 +145,36 @@ impl SparseCholesky {
         positions: Option<&[[f64; 3]]>,
     ) -> Result<FactorSize, SolveError> {
         Ok(best_elimination(n_blocks, pairs, positions)?.size())
+    }
+
+    /// Memory, in bytes, that a factorization with these options will take, with
+    /// the matrix that it keeps; nothing of it is allocated.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::analyze`].
+    ///
+    /// # Panics
+    ///
+    /// If there are positions, but not one per block.
+    pub fn memory(
+        n_blocks: usize,
+        pairs: &[[u32; 2]],
+        options: Options<'_>,
+    ) -> Result<u64, SolveError> {
+        let elimination = best_elimination(n_blocks, pairs, options.positions)?;
+        if let Some(tree) = Tree::new(&elimination) {
+            return Ok(tree.memory());
+        }
+        let fronts = Fronts::new(&elimination);
+        let layout = Layout::new(&fronts).ok_or(SolveError::TooLarge { n_blocks })?;
+        let size = layout.total_size(options.threads) as u64;
+        let blocks = (n_blocks + pairs.len()) as u64;
+        Ok(match is_mixed(&fronts, options.precision) {
+            // The matrix in both precisions, and vectors.
+            true => 4 * size + 72 * blocks + 150 * n_blocks as u64,
+            false => 8 * size + 48 * blocks + 24 * n_blocks as u64,
+        })
     }
 
     /// Number of block rows.
@@ -270,6 +292,17 @@ impl SparseCholesky {
 
 /// Factorizations below this many operations are not worth single precision.
 const WORTH_MIXING: f64 = 1e9;
+
+fn is_mixed(fronts: &Fronts, precision: Precision) -> bool {
+    match precision {
+        Precision::Double => false,
+        Precision::Mixed => true,
+        Precision::Auto => {
+            let flops: f64 = (0..fronts.len()).map(|front| fronts.flops(front)).sum();
+            flops > WORTH_MIXING
+        }
+    }
+}
 
 /// Factorizations below this many operations are not worth a second order.
 const WORTH_DISSECTION: f64 = 1e7;

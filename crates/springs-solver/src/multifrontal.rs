@@ -108,9 +108,23 @@ pub(crate) struct NotPositive {
     pub(crate) column: usize,
 }
 
-impl<T: Real> Multifrontal<T> {
-    /// Allocates the factor and all workspace; `None` without enough memory.
-    pub(crate) fn new(fronts: &Fronts, threads: usize) -> Option<Self> {
+/// Where everything is, in scalars.
+pub(crate) struct Layout {
+    panel_starts: Vec<usize>,
+    update_starts: Vec<usize>,
+    tasks: Vec<Range<usize>>,
+    top: Vec<usize>,
+    /// Of the updates that wait for their parents: of each task, and of the top.
+    stack_sizes: Vec<usize>,
+    largest_update: usize,
+    /// Columns of the widest front, and rows of the highest.
+    widest: usize,
+    highest: usize,
+}
+
+impl Layout {
+    /// `None` if the sizes cannot be counted.
+    pub(crate) fn new(fronts: &Fronts) -> Option<Self> {
         let n = fronts.len();
         let mut panel_starts = vec![0usize; n + 1];
         for front in 0..n {
@@ -120,8 +134,8 @@ impl<T: Real> Multifrontal<T> {
         }
         let (tasks, top) = split(fronts);
         let mut update_starts = vec![0; n];
-        let mut stacks = Vec::new();
-        let mut largest = 0;
+        let mut stack_sizes = Vec::new();
+        let mut largest_update = 0;
         let all = tasks.iter().cloned().map(|task| task.collect::<Vec<_>>());
         for list in all.chain([top.clone()]) {
             let (mut used, mut most) = (0, 0);
@@ -133,30 +147,61 @@ impl<T: Real> Multifrontal<T> {
                 update_starts[front] = base;
                 used = base + update;
                 most = most.max(used);
-                largest = largest.max(update);
+                largest_update = largest_update.max(update);
             }
-            stacks.push(zeros(most)?);
+            stack_sizes.push(most);
         }
-        let columns = (0..n).map(|front| 3 * fronts.n_columns(front)).max();
-        let scratch =
-            cholesky_in_place_scratch::<T>(columns.unwrap_or(0), Par::Seq, Default::default());
-        let mut desks = Vec::new();
-        for _ in 0..threads.max(1) {
-            desks.push(Desk {
-                update: zeros(largest)?,
-                memory: MemBuffer::try_new(scratch).ok()?,
-            });
-        }
-        let height = |front| 3 * (fronts.n_columns(front) + fronts.rows(front).len());
+        let width = |front| 3 * fronts.n_columns(front);
+        let height = |front| width(front) + 3 * fronts.rows(front).len();
         Some(Self {
-            factor: zeros(panel_starts[n])?,
             panel_starts,
             update_starts,
             tasks,
             top,
+            stack_sizes,
+            largest_update,
+            widest: (0..n).map(width).max().unwrap_or(0),
+            highest: (0..n).map(height).max().unwrap_or(0),
+        })
+    }
+
+    /// Entries of the factor.
+    pub(crate) fn factor_size(&self) -> usize {
+        self.panel_starts[self.panel_starts.len() - 1]
+    }
+
+    /// Entries of the factor and of all workspace.
+    pub(crate) fn total_size(&self, threads: usize) -> usize {
+        let stacks: usize = self.stack_sizes.iter().sum();
+        self.factor_size() + stacks + threads.max(1) * self.largest_update
+    }
+}
+
+impl<T: Real> Multifrontal<T> {
+    /// Allocates the factor and all workspace; `None` without enough memory.
+    pub(crate) fn new(fronts: &Fronts, threads: usize) -> Option<Self> {
+        let layout = Layout::new(fronts)?;
+        let scratch = cholesky_in_place_scratch::<T>(layout.widest, Par::Seq, Default::default());
+        let mut stacks = Vec::new();
+        for &size in &layout.stack_sizes {
+            stacks.push(zeros(size)?);
+        }
+        let mut desks = Vec::new();
+        for _ in 0..threads.max(1) {
+            desks.push(Desk {
+                update: zeros(layout.largest_update)?,
+                memory: MemBuffer::try_new(scratch).ok()?,
+            });
+        }
+        Some(Self {
+            factor: zeros(layout.factor_size())?,
+            panel_starts: layout.panel_starts,
+            update_starts: layout.update_starts,
+            tasks: layout.tasks,
+            top: layout.top,
             stacks,
             desks,
-            gathered: vec![T::of(0.0); (0..n).map(height).max().unwrap_or(0)],
+            gathered: vec![T::of(0.0); layout.highest],
         })
     }
 

@@ -59,6 +59,11 @@ impl Tree {
         })
     }
 
+    /// In bytes.
+    pub(crate) fn memory(&self) -> u64 {
+        (self.columns.len() * (size_of::<Column>() + size_of::<usize>() + 24)) as u64
+    }
+
     pub(crate) fn factorize(
         &mut self,
         diagonal: &[[f64; 6]],

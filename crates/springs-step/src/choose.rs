@@ -61,8 +61,31 @@ pub enum Pace {
 ///
 /// If the method cannot move the scene.
 pub fn choose(scene: &Scene, system: &System) -> Result<Choice, SetupError> {
-    let anchors = Anchors::new(system, &State::initial(system));
-    Ok(start(scene, system, &anchors)?.choice)
+    if let (scene::Method::Auto, (_, Schedule::Adaptive(_))) =
+        (scene.settings.method, pace_of(scene, system))
+    {
+        let anchors = Anchors::new(system, &State::initial(system));
+        return Ok(start(scene, system, &anchors)?.choice);
+    }
+    settle(scene, system)
+}
+
+/// The choice where nothing needs to be tried out: all but `Auto` with a
+/// tolerance.
+fn settle(scene: &Scene, system: &System) -> Result<Choice, SetupError> {
+    let (pace, schedule) = pace_of(scene, system);
+    let mut choice = Choice::open(scene, pace);
+    if let (scene::Method::Auto, Schedule::Fixed(plan)) = (choice.method, schedule) {
+        pick_for_step(&mut choice, system, plan.step_size);
+    }
+    match choice.method {
+        scene::Method::LinearlyImplicitEuler => {
+            choice.tangent.get_or_insert(Tangent::Exact);
+        }
+        _ => refuse_tangent(&choice)?,
+    }
+    can_move(scene, system, choice.method)?;
+    Ok(choice)
 }
 
 /// What a scene starts with.
@@ -87,13 +110,7 @@ impl Start {
     pub(crate) fn with_method(scene: &Scene, system: &System, method: Box<dyn Method>) -> Self {
         let (pace, schedule) = pace_of(scene, system);
         Self {
-            choice: Choice {
-                method: scene.settings.method,
-                tangent: None,
-                pace,
-                duration: scene.settings.duration,
-                reason: String::new(),
-            },
+            choice: Choice::open(scene, pace),
             method,
             schedule,
             auto: None,
@@ -132,30 +149,13 @@ pub(crate) fn start(
 ) -> Result<Start, SetupError> {
     let settings = &scene.settings;
     let (pace, schedule) = pace_of(scene, system);
-    let mut choice = Choice {
-        method: settings.method,
-        tangent: settings.tangent,
-        pace,
-        duration: settings.duration,
-        reason: String::new(),
-    };
     let compiled = (system, anchors);
-    if choice.method == scene::Method::Auto {
-        match schedule {
-            Schedule::Fixed(plan) => pick_for_step(&mut choice, system, plan.step_size),
-            Schedule::Adaptive(controller) => {
-                refuse_tangent(&choice)?;
-                return Auto::new(scene, system, &choice)?.start(compiled, controller);
-            }
-        }
+    if let (scene::Method::Auto, Schedule::Adaptive(controller)) = (settings.method, &schedule) {
+        let choice = Choice::open(scene, pace);
+        refuse_tangent(&choice)?;
+        return Auto::new(scene, system, &choice)?.start(compiled, *controller);
     }
-    match choice.method {
-        scene::Method::LinearlyImplicitEuler => {
-            choice.tangent.get_or_insert(Tangent::Exact);
-        }
-        _ => refuse_tangent(&choice)?,
-    }
-    can_move(scene, system, choice.method)?;
+    let choice = settle(scene, system)?;
     let mut start = Start {
         method: choice.build(system)?,
         choice,
@@ -246,6 +246,17 @@ fn pick_for_step(choice: &mut Choice, system: &System, h: f64) {
 }
 
 impl Choice {
+    /// What the settings say.
+    fn open(scene: &Scene, pace: Pace) -> Self {
+        Self {
+            method: scene.settings.method,
+            tangent: scene.settings.tangent,
+            pace,
+            duration: scene.settings.duration,
+            reason: String::new(),
+        }
+    }
+
     /// The method, ready to step; with an error estimate if steps are chosen
     /// from the error.
     pub(crate) fn build(&self, system: &System) -> Result<Box<dyn Method>, SetupError> {

@@ -59,6 +59,7 @@ pub use plan::StepPlan;
 pub use rodas4::Rodas4;
 pub use simulation::{Frame, Observer, Outcome, Simulation, Switch};
 pub use splitting::Splitting;
+pub use stage::factor_memory;
 pub use state::{NodeStates, State};
 pub use stepper::Stepper;
 pub use tr_bdf2::TrBdf2;

@@ -410,15 +410,27 @@ pub(crate) enum OnDemand {
 /// Orders and factorizes symbolically, and counts it.
 pub(crate) fn analyze(system: &System, work: &mut Work) -> Result<SparseCholesky, SolveError> {
     work.counts.symbolic_factorizations += 1;
-    let n_free = system.n_free();
-    let positions = blocks_of(&system.initial_positions()[..n_free]);
     let pairs = system.pattern().pairs();
-    let options = Options {
-        positions: Some(positions),
+    SparseCholesky::analyze(system.n_free(), pairs, solver_options(system))
+}
+
+/// How systems of a scene are solved.
+fn solver_options(system: &System) -> Options<'_> {
+    Options {
+        positions: Some(blocks_of(&system.initial_positions()[..system.n_free()])),
         threads: system.threads(),
         precision: Precision::Auto,
-    };
-    SparseCholesky::analyze(n_free, pairs, options)
+    }
+}
+
+/// Memory, in bytes, that the factorizations of an implicit method will take.
+///
+/// # Errors
+///
+/// If the size of the factor cannot be counted.
+pub fn factor_memory(system: &System) -> Result<u64, SolveError> {
+    let pairs = system.pattern().pairs();
+    SparseCholesky::memory(system.n_free(), pairs, solver_options(system))
 }
 
 /// Vectors as plain arrays.

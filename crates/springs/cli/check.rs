@@ -2,9 +2,10 @@
 
 use super::source::SceneArguments;
 use super::{Ending, print};
+use anyhow::Context as _;
 use springs::assembly::compile;
 use springs::inspect::{count, inspect};
-use springs::step::{Pace, StepPlan, choose};
+use springs::step::{Pace, StepPlan, choose, factor_memory};
 use std::fmt::Write as _;
 
 #[derive(clap::Args)]
@@ -85,6 +86,10 @@ pub(crate) fn check(arguments: &CheckArguments) -> anyhow::Result<Ending> {
         3 * system.n_free(),
         system.n_free() + system.pattern().pairs().len()
     )?;
+    if choice.has_matrix() {
+        let bytes = factor_memory(&system).context("the factor cannot be sized")?;
+        writeln!(text, "  factorizations need {:.1} MB", 1e-6 * bytes as f64)?;
+    }
     list(
         &mut text,
         "skipped, without changing the result",
