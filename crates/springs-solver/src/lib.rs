@@ -33,6 +33,7 @@ mod fronts;
 mod graph;
 mod mixed;
 mod multifrontal;
+mod substitution;
 mod tree;
 
 pub use cholesky::{FactorSize, Options, Precision, SparseCholesky};

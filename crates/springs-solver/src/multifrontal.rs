@@ -1,6 +1,7 @@
 //! Numeric factorization and solution on fronts.
 
 use crate::fronts::Fronts;
+use crate::substitution::Substitution;
 use dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::{
     LltError, LltRegularization, cholesky_in_place, cholesky_in_place_scratch,
@@ -65,17 +66,17 @@ impl Real for f64 {
 pub(crate) struct Multifrontal<T> {
     /// Where the panel of each front begins: its columns of the factor, all
     /// rows of the front, column by column.
-    panel_starts: Vec<usize>,
-    factor: Vec<T>,
+    pub(crate) panel_starts: Vec<usize>,
+    pub(crate) factor: Vec<T>,
     /// Where the update of each front begins in the stack of its task.
     update_starts: Vec<usize>,
     /// Independent subtrees, then all fronts above them.
-    tasks: Vec<Range<usize>>,
-    top: Vec<usize>,
+    pub(crate) tasks: Vec<Range<usize>>,
+    pub(crate) top: Vec<usize>,
     stacks: Vec<Vec<T>>,
     /// Per thread.
     desks: Vec<Desk<T>>,
-    gathered: Vec<T>,
+    pub(crate) substitution: Substitution<T>,
 }
 
 /// What a thread works with.
@@ -112,14 +113,14 @@ pub(crate) struct NotPositive {
 pub(crate) struct Layout {
     panel_starts: Vec<usize>,
     update_starts: Vec<usize>,
-    tasks: Vec<Range<usize>>,
-    top: Vec<usize>,
+    pub(crate) tasks: Vec<Range<usize>>,
+    pub(crate) top: Vec<usize>,
     /// Of the updates that wait for their parents: of each task, and of the top.
     stack_sizes: Vec<usize>,
     largest_update: usize,
     /// Columns of the widest front, and rows of the highest.
     widest: usize,
-    highest: usize,
+    pub(crate) highest: usize,
 }
 
 impl Layout {
@@ -193,6 +194,7 @@ impl<T: Real> Multifrontal<T> {
                 memory: MemBuffer::try_new(scratch).ok()?,
             });
         }
+        let substitution = Substitution::new(fronts, &layout, threads);
         Some(Self {
             factor: zeros(layout.factor_size())?,
             panel_starts: layout.panel_starts,
@@ -201,7 +203,7 @@ impl<T: Real> Multifrontal<T> {
             top: layout.top,
             stacks,
             desks,
-            gathered: vec![T::of(0.0); layout.highest],
+            substitution,
         })
     }
 
@@ -299,65 +301,6 @@ impl<T: Real> Multifrontal<T> {
         }
         Ok(())
     }
-
-    /// Replaces b by the solution, both in order of elimination.
-    pub(crate) fn solve_in_place(&mut self, fronts: &Fronts, x: &mut [T]) {
-        pulp::Arch::new().dispatch(|| self.substitute(fronts, x));
-    }
-
-    #[inline(always)]
-    fn substitute(&mut self, fronts: &Fronts, x: &mut [T]) {
-        for front in 0..fronts.len() {
-            let columns = 3 * fronts.n_columns(front);
-            let y = gather(fronts, front, x, &mut self.gathered);
-            let height = y.len();
-            let panel = &self.factor[self.panel_starts[front]..self.panel_starts[front + 1]];
-            for (k, column) in panel.chunks_exact(height).enumerate() {
-                let value = y[k] / column[k];
-                y[k] = value;
-                subtract_multiple(&mut y[k + 1..], &column[k + 1..], value);
-            }
-            let first = 3 * fronts.first[front] as usize;
-            x[first..first + columns].copy_from_slice(&y[..columns]);
-            let (blocks, _) = y[columns..].as_chunks::<3>();
-            let (targets, _) = x.as_chunks_mut::<3>();
-            for (&row, block) in fronts.rows(front).iter().zip(blocks) {
-                targets[row as usize] = *block;
-            }
-        }
-        for front in (0..fronts.len()).rev() {
-            let columns = 3 * fronts.n_columns(front);
-            let y = gather(fronts, front, x, &mut self.gathered);
-            let height = y.len();
-            let panel = &self.factor[self.panel_starts[front]..self.panel_starts[front + 1]];
-            for (k, column) in panel.chunks_exact(height).enumerate().rev() {
-                y[k] = (y[k] - dot(&y[k + 1..], &column[k + 1..])) / column[k];
-            }
-            let first = 3 * fronts.first[front] as usize;
-            x[first..first + columns].copy_from_slice(&y[..columns]);
-        }
-    }
-}
-
-/// The entries of x that a front touches, its columns first.
-#[inline(always)]
-fn gather<'a, T: Real>(
-    fronts: &Fronts,
-    front: usize,
-    x: &[T],
-    gathered: &'a mut [T],
-) -> &'a mut [T] {
-    let columns = 3 * fronts.n_columns(front);
-    let rows = fronts.rows(front);
-    let y = &mut gathered[..columns + 3 * rows.len()];
-    let first = 3 * fronts.first[front] as usize;
-    y[..columns].copy_from_slice(&x[first..first + columns]);
-    let (blocks, _) = y[columns..].as_chunks_mut::<3>();
-    let (sources, _) = x.as_chunks::<3>();
-    for (&row, block) in rows.iter().zip(blocks) {
-        *block = sources[row as usize];
-    }
-    y
 }
 
 fn first_failure(
@@ -630,32 +573,10 @@ fn eliminate_dense<T: Real>(
 
 /// y −= a·x.
 #[inline(always)]
-fn subtract_multiple<T: Real>(y: &mut [T], x: &[T], a: T) {
+pub(crate) fn subtract_multiple<T: Real>(y: &mut [T], x: &[T], a: T) {
     for (y, x) in y.iter_mut().zip(x) {
         *y -= a * *x;
     }
-}
-
-/// xᵀy, in lanes so that the order of the sum is that of the vector unit.
-#[inline(always)]
-fn dot<T: Real>(x: &[T], y: &[T]) -> T {
-    const LANES: usize = 16;
-    let mut sums = [T::default(); LANES];
-    let (xs, x_rest) = x.as_chunks::<LANES>();
-    let (ys, y_rest) = y.as_chunks::<LANES>();
-    for (x, y) in xs.iter().zip(ys) {
-        for lane in 0..LANES {
-            sums[lane] += x[lane] * y[lane];
-        }
-    }
-    let mut sum = T::default();
-    for lane in sums {
-        sum += lane;
-    }
-    for (x, y) in x_rest.iter().zip(y_rest) {
-        sum += *x * *y;
-    }
-    sum
 }
 
 /// Zeroed storage, or `None` if there is not enough memory.
