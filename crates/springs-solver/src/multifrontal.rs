@@ -6,11 +6,12 @@ use dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::{
     LltError, LltRegularization, cholesky_in_place, cholesky_in_place_scratch,
 };
-use faer::linalg::matmul::triangular::{BlockStructure, matmul};
+use faer::linalg::matmul::matmul;
+use faer::linalg::matmul::triangular::{BlockStructure, matmul as matmul_triangular};
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::prelude::*;
 use faer::traits::RealField;
-use faer::{Accum, MatMut, Par};
+use faer::{Accum, MatMut, MatRef, Par};
 use std::ops::Range;
 
 /// The two kinds of floating point numbers.
@@ -288,7 +289,7 @@ impl<T: Real> Multifrontal<T> {
         let top_stack = &mut top_stack[0];
         for &front in &self.top {
             let panel = &mut self.factor[panel_starts[front]..panel_starts[front + 1]];
-            eliminate(fronts, front, blocks, panel, my_desk, |child| {
+            eliminate(fronts, front, blocks, panel, (my_desk, threads), |child| {
                 let stack = match task_of(child) {
                     Some(task) => &stacks[task],
                     None => &*top_stack,
@@ -370,7 +371,7 @@ impl<T: Real> Within<'_, T> {
                 &stack[start..start + update_size(fronts, child)]
             };
             let panel = &mut panels[starts[front] - base..starts[front + 1] - base];
-            eliminate(fronts, front, self.blocks, panel, desk, child_update)?;
+            eliminate(fronts, front, self.blocks, panel, (desk, 1), child_update)?;
             let (start, size) = (self.update_starts[front], update_size(fronts, front));
             stack[start..start + size].copy_from_slice(&desk.update[..size]);
         }
@@ -411,7 +412,7 @@ fn eliminate<'a, T: Real + 'a>(
     front: usize,
     blocks: &[[T; 6]],
     panel: &mut [T],
-    desk: &mut Desk<T>,
+    (desk, threads): (&mut Desk<T>, usize),
     child_update: impl Fn(usize) -> &'a [T],
 ) -> Result<(), NotPositive> {
     let (columns, below) = (3 * fronts.n_columns(front), 3 * fronts.rows(front).len());
@@ -429,7 +430,10 @@ fn eliminate<'a, T: Real + 'a>(
     );
     let result = match is_small {
         true => result,
-        false => eliminate_dense(columns, panel, update, MemStack::new(&mut desk.memory)),
+        false => {
+            let stack = MemStack::new(&mut desk.memory);
+            eliminate_dense(columns, panel, update, threads, stack)
+        }
     };
     result.map_err(|column| NotPositive {
         column: fronts.first[front] as usize + column / 3,
@@ -535,40 +539,137 @@ fn eliminate_columns<T: Real>(
     Ok(())
 }
 
+/// Columns that are eliminated at once, and the size of the tiles of the rest.
+/// It does not depend on the number of threads, so neither do the bits.
+const TILE: usize = 192;
+/// Below this number of operations the tiles of a front stay on one thread.
+const WORTH_SHARING: f64 = 1e7;
+
 /// Elimination by dense kernels, for wide fronts; the column where it fails.
 fn eliminate_dense<T: Real>(
     columns: usize,
     panel: &mut [T],
     update: &mut [T],
+    threads: usize,
     stack: &mut MemStack,
 ) -> Result<(), usize> {
     let height = panel.len() / columns;
     let below = height - columns;
-    let panel = MatMut::from_column_major_slice_mut(panel, height, columns);
-    let (mut diagonal, mut rest) = panel.split_at_row_mut(columns);
-    cholesky_in_place(
-        diagonal.rb_mut(),
-        LltRegularization::default(),
-        Par::Seq,
-        stack,
-        Default::default(),
-    )
-    .map_err(|LltError::NonPositivePivot { index }| index)?;
-    if below > 0 {
-        solve_lower_triangular_in_place(diagonal.rb(), rest.rb_mut().transpose_mut(), Par::Seq);
-        matmul(
-            MatMut::from_column_major_slice_mut(update, below, below),
-            BlockStructure::TriangularLower,
-            Accum::Add,
-            rest.rb(),
-            BlockStructure::Rectangular,
-            rest.rb().transpose(),
-            BlockStructure::Rectangular,
-            T::of(-1.0),
+    let flops = columns as f64 * (height as f64).powi(2);
+    let threads = if flops > WORTH_SHARING { threads } else { 1 };
+    for start in (0..columns).step_by(TILE) {
+        let width = TILE.min(columns - start);
+        let end = start + width;
+        let (before, later) = panel.split_at_mut(end * height);
+        let this = &mut before[start * height..];
+        let this = MatMut::from_column_major_slice_mut(this, height, width);
+        let (_, this) = this.split_at_row_mut(start);
+        let (mut diagonal, mut rest) = this.split_at_row_mut(width);
+        cholesky_in_place(
+            diagonal.rb_mut(),
+            LltRegularization::default(),
             Par::Seq,
-        );
+            stack,
+            Default::default(),
+        )
+        .map_err(|LltError::NonPositivePivot { index }| start + index)?;
+        let diagonal = diagonal.rb();
+        share(row_tiles(rest.rb_mut()), threads, |tile| {
+            solve_lower_triangular_in_place(diagonal, tile.transpose_mut(), Par::Seq);
+        });
+        let rest = rest.rb();
+        let n_later = columns - end;
+        let later = MatMut::from_column_major_slice_mut(later, height, n_later);
+        let (_, later) = later.split_at_row_mut(end);
+        share(column_tiles(later).enumerate(), threads, |(k, tile)| {
+            subtract_product(rest, k * TILE, tile);
+        });
+        if below > 0 {
+            let rest = rest.split_at_row(n_later).1;
+            let update = MatMut::from_column_major_slice_mut(&mut *update, below, below);
+            share(column_tiles(update).enumerate(), threads, |(k, tile)| {
+                subtract_product(rest, k * TILE, tile);
+            });
+        }
     }
     Ok(())
+}
+
+/// The columns of A −= L Lᵀ from `first` on that `tile` holds, as far as they are
+/// on or below the diagonal.
+fn subtract_product<T: Real>(l: MatRef<'_, T>, first: usize, tile: MatMut<'_, T>) {
+    let width = tile.ncols();
+    let (_, tile) = tile.split_at_row_mut(first);
+    let (diagonal, under) = tile.split_at_row_mut(width);
+    let (of_diagonal, of_rest) = l.split_at_row(first).1.split_at_row(width);
+    let minus = T::of(-1.0);
+    matmul_triangular(
+        diagonal,
+        BlockStructure::TriangularLower,
+        Accum::Add,
+        of_diagonal,
+        BlockStructure::Rectangular,
+        of_diagonal.transpose(),
+        BlockStructure::Rectangular,
+        minus,
+        Par::Seq,
+    );
+    matmul(
+        under,
+        Accum::Add,
+        of_rest,
+        of_diagonal.transpose(),
+        minus,
+        Par::Seq,
+    );
+}
+
+fn row_tiles<'a, T: Real + 'a>(mut rest: MatMut<'a, T>) -> impl Iterator<Item = MatMut<'a, T>> {
+    std::iter::from_fn(move || {
+        let size = TILE.min(rest.nrows());
+        let all = std::mem::replace(
+            &mut rest,
+            MatMut::from_column_major_slice_mut(&mut [], 0, 0),
+        );
+        let (tile, tail) = all.split_at_row_mut(size);
+        rest = tail;
+        (size > 0).then_some(tile)
+    })
+}
+
+fn column_tiles<'a, T: Real + 'a>(mut rest: MatMut<'a, T>) -> impl Iterator<Item = MatMut<'a, T>> {
+    std::iter::from_fn(move || {
+        let size = TILE.min(rest.ncols());
+        let all = std::mem::replace(
+            &mut rest,
+            MatMut::from_column_major_slice_mut(&mut [], 0, 0),
+        );
+        let (tile, tail) = all.split_at_col_mut(size);
+        rest = tail;
+        (size > 0).then_some(tile)
+    })
+}
+
+/// Does every piece of work, on several threads if they are wanted: piece k by
+/// thread k modulo their number.
+fn share<I: Send>(pieces: impl Iterator<Item = I>, threads: usize, work: impl Fn(I) + Sync) {
+    if threads == 1 {
+        pieces.for_each(work);
+        return;
+    }
+    let mut shares: Vec<Vec<I>> = (0..threads).map(|_| Vec::new()).collect();
+    for (k, piece) in pieces.enumerate() {
+        shares[k % threads].push(piece);
+    }
+    let work = &work;
+    std::thread::scope(|scope| {
+        let mut shares = shares.into_iter();
+        let mine = shares.next().unwrap_or_default();
+        for share in shares.filter(|share| !share.is_empty()) {
+            scope.spawn(move || share.into_iter().for_each(work));
+        }
+        mine.into_iter().for_each(work);
+    });
 }
 
 /// y −= a·x.

@@ -1,0 +1,40 @@
+//! The same bits on any number of threads.
+
+mod common;
+
+use common::with;
+use springs::scene::generate::{Material, cloth, disturb};
+use springs::scene::{Method, Scene};
+use springs::step::Simulation;
+
+fn run(scene: &Scene, threads: usize) -> Simulation {
+    let mut scene = scene.clone();
+    scene.settings.threads = threads;
+    let mut simulation = Simulation::new(&scene).unwrap();
+    assert_eq!(simulation.stepper().system().threads(), threads);
+    simulation.run(1, &mut ()).unwrap();
+    simulation
+}
+
+/// A cloth large enough for its factorization to be shared out.
+#[test]
+fn every_method_gives_the_same_bits() {
+    let mut scene = cloth(28, Material::of_cloth());
+    for spring in &mut scene.springs {
+        spring.damping = 0.0;
+    }
+    disturb(&mut scene, 1e-3, 3);
+    scene.settings.duration = 0.004;
+    for &method in Method::ALL {
+        if method == Method::Auto {
+            continue;
+        }
+        let scene = with(&scene, method, None, 0.001);
+        let alone = run(&scene, 1);
+        for threads in [2, 3, 8] {
+            let together = run(&scene, threads);
+            assert_eq!(alone.nodes(), together.nodes(), "{method}, {threads}");
+            assert_eq!(alone.work().counts, together.work().counts, "{method}");
+        }
+    }
+}
