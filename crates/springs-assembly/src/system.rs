@@ -6,7 +6,11 @@ use crate::{
 use nalgebra::Vector3;
 use springs_scene::Scene;
 use std::num::NonZeroUsize;
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
+
+/// Asked for once: the answer takes longer than a small scene.
+static MACHINE_THREADS: LazyLock<usize> =
+    LazyLock::new(|| std::thread::available_parallelism().map_or(1, NonZeroUsize::get));
 
 /// A compiled scene.
 ///
@@ -84,7 +88,7 @@ impl System {
             gravity,
             pattern: Arc::new(pattern),
             threads: match scene.settings.threads {
-                0 => std::thread::available_parallelism().map_or(1, NonZeroUsize::get),
+                0 => *MACHINE_THREADS,
                 asked => asked,
             },
         }

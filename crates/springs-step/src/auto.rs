@@ -46,6 +46,8 @@ struct Candidate {
     /// Force evaluations of a step with an explicit method, 0 for an implicit
     /// one.
     evaluations: f64,
+    /// What each evaluation costs, in ns.
+    evaluation: f64,
     /// The method, unless it is in use or was not built yet.
     idle: Option<Box<dyn Method>>,
 }
@@ -59,12 +61,13 @@ pub(crate) struct Picked {
 }
 
 /// Method, force evaluations of an attempt (a whole step and two halves, where
-/// there is no estimate of its own), and angle ωh up to which it is stable.
-const EXPLICIT: [(scene::Method, f64, f64); 4] = [
-    (scene::Method::Dop853, 12.0, 4.5),
-    (scene::Method::VelocityVerlet, 3.0, 2.0),
-    (scene::Method::BlanesMoan4, 18.0, 5.0),
-    (scene::Method::BlanesMoan6, 33.0, 9.0),
+/// there is no estimate of its own), angle ωh up to which it is stable, and what
+/// the method itself does per node and evaluation, in ns.
+const EXPLICIT: [(scene::Method, f64, f64, f64); 4] = [
+    (scene::Method::Dop853, 12.0, 4.5, 18.0),
+    (scene::Method::VelocityVerlet, 3.0, 2.0, 3.0),
+    (scene::Method::BlanesMoan4, 18.0, 5.0, 3.0),
+    (scene::Method::BlanesMoan6, 33.0, 9.0, 3.0),
 ];
 /// RODAS4 is not among them: from rest it promises steps that it does not keep.
 const IMPLICIT: [scene::Method; 1] = [scene::Method::TrBdf2];
@@ -102,26 +105,31 @@ impl Auto {
     /// If the matrix cannot be analyzed.
     pub(crate) fn new(scene: &Scene, system: &System, choice: &Choice) -> Result<Self, SetupError> {
         let fastest = system.frequency_bound().max(system.damping_rate_bound());
-        let candidate = |method, evaluations, longest_step| Candidate {
+        let costs = Costs::of(system);
+        let n_nodes = system.n_free() as f64;
+        let candidate = |method, evaluations, longest_step, per_node| Candidate {
             choice: Choice {
                 method,
                 ..choice.clone()
             },
             longest_step,
             evaluations,
+            evaluation: costs.force + per_node * n_nodes,
             idle: None,
         };
         let explicit = EXPLICIT
             .iter()
-            .map(|&(method, evaluations, angle)| candidate(method, evaluations, angle / fastest));
-        let implicit = IMPLICIT.map(|method| candidate(method, 0.0, f64::INFINITY));
+            .map(|&(method, evaluations, angle, per_node)| {
+                candidate(method, evaluations, angle / fastest, per_node)
+            });
+        let implicit = IMPLICIT.map(|method| candidate(method, 0.0, f64::INFINITY, 0.0));
         let candidates = explicit.chain(implicit);
         Ok(Self {
             candidates: candidates
                 .filter(|candidate| can_move(scene, system, candidate.choice.method).is_ok())
                 .collect(),
             current: 0,
-            costs: Costs::of(system),
+            costs,
             spent: 0.0,
             review_cost: 0.0,
             covered: 0.0,
@@ -239,7 +247,8 @@ impl Auto {
 
     /// Takes note of a step of size `h` that did `counts`.
     pub(crate) fn record(&mut self, h: f64, counts: Counts) {
-        self.spent += self.costs.of_counts(&counts);
+        let evaluation = self.candidates[self.current].evaluation;
+        self.spent += self.costs.of_counts(&counts, evaluation);
         self.covered += h;
         self.step_size = h;
     }
@@ -352,10 +361,10 @@ impl Auto {
                 self.costs.attempt_with_matrix() + setup / USUAL_ATTEMPTS
             }
             evaluations => {
-                if evaluations * self.costs.force > price * longest {
+                if evaluations * candidate.evaluation > price * longest {
                     return Ok(false);
                 }
-                evaluations * self.costs.force
+                evaluations * candidate.evaluation
             }
         };
         let is_worth_it = USUAL_ATTEMPTS * attempt < SHARE * price * left;
@@ -434,7 +443,7 @@ impl Auto {
                 }
                 .unwrap_or(first)
             });
-            let cost = self.costs.of_counts(&work.counts);
+            let cost = self.costs.of_counts(&work.counts, candidate.evaluation);
             total += cost;
             let suits = match estimate {
                 Some(estimate) => controller.suitable(h, estimate).min(longest),
@@ -478,8 +487,8 @@ impl Costs {
         let pairs = system.pattern().pairs().len() as f64;
         let entries = 6.0 * nodes + 9.0 * pairs;
         let mut costs = Self {
-            force: 50.0 + 9.0 * springs + 12.0 * nodes,
-            linearization: 100.0 + 25.0 * springs + 20.0 * nodes,
+            force: 40.0 + 4.2 * springs + 2.0 * nodes,
+            linearization: 100.0 + 15.0 * springs + 10.0 * nodes,
             analysis: 5e3 + 500.0 * nodes + 150.0 * pairs,
             factorization: 0.0,
             solve: 0.0,
@@ -493,8 +502,8 @@ impl Costs {
     }
 
     fn set_size(&mut self, size: FactorSize) {
-        self.factorization = 300.0 + 5.0 * size.entries + size.flops / 45.0;
-        self.solve = 100.0 + 2.5 * size.entries;
+        self.factorization = 300.0 + 4.5 * size.entries + size.flops / 50.0;
+        self.solve = 100.0 + 1.2 * size.entries;
     }
 
     fn is_matrix_known(&self) -> bool {
@@ -521,10 +530,11 @@ impl Costs {
         USUAL_FACTORIZATIONS * self.step_with_matrix()
     }
 
-    fn of_counts(&self, counts: &Counts) -> f64 {
+    /// What was counted, with `evaluation` for each evaluation of forces alone.
+    fn of_counts(&self, counts: &Counts, evaluation: f64) -> f64 {
         let linearizations = counts.factorizations;
         let forces = counts.force_evaluations.saturating_sub(linearizations);
-        forces as f64 * self.force
+        forces as f64 * evaluation
             + linearizations as f64 * (self.linearization + self.factorization)
             + counts.solves as f64 * self.solve
     }
