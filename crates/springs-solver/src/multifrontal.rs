@@ -97,7 +97,7 @@ struct Piece<'a, T> {
 /// Subtrees are split until none is larger than this part of the whole.
 const TASK: f64 = 0.2;
 /// Below this number of operations a second thread is not worth waking.
-const WORTH_A_THREAD: f64 = 2e6;
+const WORTH_A_THREAD: f64 = 1.5e7;
 /// Fronts with fewer columns or rows than this are eliminated column by column,
 /// others by dense kernels.
 const FEW_COLUMNS: usize = 7;
