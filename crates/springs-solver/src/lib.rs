@@ -33,6 +33,7 @@ mod fronts;
 mod graph;
 mod mixed;
 mod multifrontal;
+mod sharing;
 mod substitution;
 mod tree;
 

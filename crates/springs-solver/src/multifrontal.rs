@@ -1,6 +1,7 @@
 //! Numeric factorization and solution on fronts.
 
 use crate::fronts::Fronts;
+use crate::sharing::{in_turns, largest_first, work_off};
 use crate::substitution::Substitution;
 use dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::{
@@ -252,29 +253,16 @@ impl<T: Real> Multifrontal<T> {
                 });
                 (rest, at) = (tail, end);
             }
-            let run = |pieces: Vec<Piece<'_, T>>, desk: &mut Desk<T>| {
-                let mut result = Ok(());
-                for piece in pieces {
-                    let done = within.run(piece.task, piece.panels, piece.stack, desk);
-                    result = first_failure(result, done);
-                }
-                result
+            let flops = |piece: &Piece<'_, T>| -> f64 {
+                let task = piece.task.clone();
+                task.map(|front| fronts.flops(front)).sum()
             };
-            let run = &run;
-            let mut shares = share_out(fronts, pieces, threads).into_iter();
-            let mine = shares.next().unwrap_or_default();
-            result = std::thread::scope(|scope| {
-                let others: Vec<_> = shares
-                    .zip(other_desks)
-                    .map(|(share, desk)| scope.spawn(move || run(share, desk)))
-                    .collect();
-                let mut result = run(mine, my_desk);
-                for other in others {
-                    let theirs = other.join().expect("factorization does not panic");
-                    result = first_failure(result, theirs);
-                }
-                result
+            let shares = largest_first(pieces.into_iter(), threads, flops);
+            let desks = std::iter::once(&mut *my_desk).chain(other_desks);
+            let done = work_off(shares, desks, |piece, desk| {
+                within.run(piece.task, piece.panels, piece.stack, desk)
             });
+            result = done.into_iter().fold(result, first_failure);
         }
         result?;
 
@@ -377,32 +365,6 @@ impl<T: Real> Within<'_, T> {
         }
         Ok(())
     }
-}
-
-/// Tasks shared out among threads, the largest first, to whom has the least.
-fn share_out<'a, T>(
-    fronts: &Fronts,
-    pieces: Vec<Piece<'a, T>>,
-    threads: usize,
-) -> Vec<Vec<Piece<'a, T>>> {
-    let flops = |piece: &Piece<'_, T>| -> f64 {
-        let task = piece.task.clone();
-        task.map(|front| fronts.flops(front)).sum()
-    };
-    let mut sized: Vec<(f64, Piece<'a, T>)> = pieces
-        .into_iter()
-        .map(|piece| (flops(&piece), piece))
-        .collect();
-    sized.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let mut shares: Vec<(f64, Vec<Piece<'a, T>>)> =
-        (0..threads).map(|_| (0.0, Vec::new())).collect();
-    for (size, piece) in sized {
-        let least = shares.iter_mut().min_by(|a, b| a.0.total_cmp(&b.0));
-        let share = least.expect("one thread at least");
-        share.0 += size;
-        share.1.push(piece);
-    }
-    shares.into_iter().map(|(_, pieces)| pieces).collect()
 }
 
 /// Assembles and eliminates one front: its columns of the factor go into
@@ -650,25 +612,14 @@ fn column_tiles<'a, T: Real + 'a>(mut rest: MatMut<'a, T>) -> impl Iterator<Item
     })
 }
 
-/// Does every piece of work, on several threads if they are wanted: piece k by
-/// thread k modulo their number.
-fn share<I: Send>(pieces: impl Iterator<Item = I>, threads: usize, work: impl Fn(I) + Sync) {
+/// Does every piece of work, in turns on several threads if they are wanted.
+fn share<P: Send>(pieces: impl Iterator<Item = P>, threads: usize, work: impl Fn(P) + Sync) {
     if threads == 1 {
         pieces.for_each(work);
         return;
     }
-    let mut shares: Vec<Vec<I>> = (0..threads).map(|_| Vec::new()).collect();
-    for (k, piece) in pieces.enumerate() {
-        shares[k % threads].push(piece);
-    }
-    let work = &work;
-    std::thread::scope(|scope| {
-        let mut shares = shares.into_iter();
-        let mine = shares.next().unwrap_or_default();
-        for share in shares.filter(|share| !share.is_empty()) {
-            scope.spawn(move || share.into_iter().for_each(work));
-        }
-        mine.into_iter().for_each(work);
+    work_off(in_turns(pieces, threads), 0..threads, |piece, _| {
+        work(piece)
     });
 }
 

@@ -2,6 +2,7 @@
 
 use crate::fronts::Fronts;
 use crate::multifrontal::{Layout, Multifrontal, Real, subtract_multiple};
+use crate::sharing::{largest_first, work_off};
 use std::ops::Range;
 
 /// Workspace of solutions. Like factorizations, they run subtree by subtree and
@@ -216,29 +217,12 @@ impl<T: Real> Multifrontal<T> {
             tasks.for_each(|task| run(task, &mut work.gathered[0]));
             return;
         }
-        // The largest first, to whom has the least.
-        let size =
-            |task: &Task<'_, T>| panel_starts[task.fronts.end] - panel_starts[task.fronts.start];
-        let mut sorted: Vec<Task<'_, T>> = tasks.collect();
-        sorted.sort_by_key(|task| std::cmp::Reverse(size(task)));
-        let mut shares: Vec<(usize, Vec<Task<'_, T>>)> =
-            (0..threads).map(|_| (0, Vec::new())).collect();
-        for task in sorted {
-            let least = shares.iter_mut().min_by_key(|share| share.0);
-            let share = least.expect("one thread at least");
-            share.0 += size(&task);
-            share.1.push(task);
-        }
-        let run = &run;
-        std::thread::scope(|scope| {
-            let mut work = shares.into_iter().zip(&mut work.gathered);
-            let mine = work.next();
-            for ((_, tasks), gathered) in work {
-                scope.spawn(move || tasks.into_iter().for_each(|task| run(task, gathered)));
-            }
-            if let Some(((_, tasks), gathered)) = mine {
-                tasks.into_iter().for_each(|task| run(task, gathered));
-            }
+        let size = |task: &Task<'_, T>| {
+            (panel_starts[task.fronts.end] - panel_starts[task.fronts.start]) as f64
+        };
+        let shares = largest_first(tasks, threads, size);
+        work_off(shares, work.gathered.iter_mut(), |task, gathered| {
+            run(task, gathered);
         });
     }
 }
