@@ -12,27 +12,17 @@
 //! cargo bench --bench work_precision -- 60
 //! ```
 
+#[path = "../tests/common/mod.rs"]
+mod common;
+
+use common::moving::pendulum;
 use nalgebra::Vector3;
 use springs::scene::generate::{Material, block, chain, cloth};
-use springs::scene::{Method, Node, Scene};
+use springs::scene::{Method, Scene};
 use springs::study::{Options, Setting, Study, Trial, csv, diagram, study};
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::{Duration, Instant};
-
-fn pendulum(stiffness: f64) -> Scene {
-    let mut scene = Scene {
-        gravity: Vector3::new(0.0, 0.0, -9.81),
-        ..Scene::default()
-    };
-    scene.add_node(Node::fixed(Vector3::zeros()));
-    scene.add_node(Node {
-        mass: 1.0,
-        ..Node::at(Vector3::x())
-    });
-    scene.add_spring(0, 1, stiffness);
-    scene
-}
 
 /// The set, with short times where cloth would become chaotic.
 fn scenes() -> Vec<Scene> {

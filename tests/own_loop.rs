@@ -103,6 +103,20 @@ fn states_between_steps_follow_the_motion() {
     }
 }
 
+/// The last step may have been made by a run.
+#[test]
+fn states_within_the_last_step_of_a_run() {
+    let scene = pendulum(60.0);
+    let mut simulation = adaptive(&scene, Name::Dop853, 1e-8);
+    simulation.step().unwrap();
+    simulation.run(1, &mut ()).unwrap();
+    let time = 0.999_999 * simulation.duration();
+    let mut nodes = NodeStates::of(&scene);
+    simulation.state_at(time, &mut nodes).unwrap();
+    let moved = distance(&nodes.positions, &simulation.nodes().positions);
+    assert!(moved > 1e-7 && moved < 1e-4, "{moved:e}");
+}
+
 /// Euler's symplectic method, as a user would write it.
 struct SymplecticEuler(Vec<Vector3<f64>>);
 

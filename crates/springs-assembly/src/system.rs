@@ -139,8 +139,9 @@ impl System {
         &self.initial_velocities
     }
 
-    fn emitters(&self) -> [&dyn ForceEmitter; 3] {
-        [&self.springs, &self.dashpots, &self.gravity]
+    /// All but gravity, whose forces are the same everywhere.
+    fn emitters(&self) -> [&dyn ForceEmitter; 2] {
+        [&self.springs, &self.dashpots]
     }
 
     /// All forces on the free blocks, in N.
@@ -151,8 +152,9 @@ impl System {
     pub fn forces(&self, x: &[Vector3<f64>], v: &[Vector3<f64>], forces: &mut [Vector3<f64>]) {
         let forces = &mut forces[..self.n_free()];
         self.gravity.set_forces(forces);
-        self.springs.add_forces(x, v, forces);
-        self.dashpots.add_forces(x, v, forces);
+        for emitter in self.emitters() {
+            emitter.add_forces(x, v, forces);
+        }
     }
 
     /// Accelerations of the free blocks, in m/s²: forces over masses, which must
@@ -195,6 +197,7 @@ impl System {
         for emitter in self.emitters() {
             emitter.linearize(at, out);
         }
+        self.gravity.linearize(at, out);
     }
 
     /// Mechanical energy, in J.

@@ -297,10 +297,7 @@ fn is_mixed(fronts: &Fronts, precision: Precision) -> bool {
     match precision {
         Precision::Double => false,
         Precision::Mixed => true,
-        Precision::Auto => {
-            let flops: f64 = (0..fronts.len()).map(|front| fronts.flops(front)).sum();
-            flops > WORTH_MIXING
-        }
+        Precision::Auto => fronts.total_flops() > WORTH_MIXING,
     }
 }
 

@@ -232,6 +232,11 @@ impl Fronts {
         27.0 * columns * (columns * columns / 3.0 + columns * below + below * below)
     }
 
+    /// The same of all fronts.
+    pub(crate) fn total_flops(&self) -> f64 {
+        (0..self.len()).map(|front| self.flops(front)).sum()
+    }
+
     /// Structure of each front: that of its columns and of its children.
     fn fill_rows(&mut self, elimination: &Elimination, front_of: &[u32]) {
         let graph = &elimination.graph;

@@ -13,48 +13,37 @@ use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::prelude::*;
 use faer::traits::RealField;
 use faer::{Accum, MatMut, MatRef, Par};
-use std::ops::Range;
+use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Range, Sub, SubAssign};
 
-/// The two kinds of floating point numbers.
-pub(crate) trait Real: RealField + Copy + Send + Sync + Into<f64> + num_ops::Ops {
+/// The two kinds of floating point numbers, with the arithmetic that plain loops
+/// need.
+pub(crate) trait Real:
+    RealField
+    + Copy
+    + Default
+    + PartialOrd
+    + Send
+    + Sync
+    + Mul<Output = Self>
+    + Sub<Output = Self>
+    + Div<Output = Self>
+    + Add<Output = Self>
+    + AddAssign
+    + SubAssign
+    + MulAssign
+{
     fn of(value: f64) -> Self;
-}
 
-/// Arithmetic that the loops below need.
-mod num_ops {
-    use std::ops::{Add, Div, Mul, MulAssign, Sub, SubAssign};
-
-    pub(crate) trait Ops:
-        Add<Output = Self>
-        + Sub<Output = Self>
-        + Mul<Output = Self>
-        + Div<Output = Self>
-        + MulAssign
-        + SubAssign
-        + std::ops::AddAssign
-        + PartialOrd
-        + Default
-        + Sized
-    {
-        fn root(self) -> Self;
-    }
-
-    impl Ops for f32 {
-        fn root(self) -> Self {
-            self.sqrt()
-        }
-    }
-
-    impl Ops for f64 {
-        fn root(self) -> Self {
-            self.sqrt()
-        }
-    }
+    fn root(self) -> Self;
 }
 
 impl Real for f32 {
     fn of(value: f64) -> Self {
         value as f32
+    }
+
+    fn root(self) -> Self {
+        self.sqrt()
     }
 }
 
@@ -62,19 +51,16 @@ impl Real for f64 {
     fn of(value: f64) -> Self {
         value
     }
+
+    fn root(self) -> Self {
+        self.sqrt()
+    }
 }
 
 /// A factorization with the fronts of one pattern.
 pub(crate) struct Multifrontal<T> {
-    /// Where the panel of each front begins: its columns of the factor, all
-    /// rows of the front, column by column.
-    pub(crate) panel_starts: Vec<usize>,
+    pub(crate) layout: Layout,
     pub(crate) factor: Vec<T>,
-    /// Where the update of each front begins in the stack of its task.
-    update_starts: Vec<usize>,
-    /// Independent subtrees, then all fronts above them.
-    pub(crate) tasks: Vec<Range<usize>>,
-    pub(crate) top: Vec<usize>,
     stacks: Vec<Vec<T>>,
     /// Per thread.
     desks: Vec<Desk<T>>,
@@ -113,8 +99,12 @@ pub(crate) struct NotPositive {
 
 /// Where everything is, in scalars.
 pub(crate) struct Layout {
-    panel_starts: Vec<usize>,
+    /// Where the panel of each front begins: its columns of the factor, all
+    /// rows of the front, column by column.
+    pub(crate) panel_starts: Vec<usize>,
+    /// Where the update of each front begins in the stack of its task.
     update_starts: Vec<usize>,
+    /// Independent subtrees, then all fronts above them.
     pub(crate) tasks: Vec<Range<usize>>,
     pub(crate) top: Vec<usize>,
     /// Of the updates that wait for their parents: of each task, and of the top.
@@ -123,6 +113,8 @@ pub(crate) struct Layout {
     /// Columns of the widest front, and rows of the highest.
     widest: usize,
     pub(crate) highest: usize,
+    /// Multiplications and additions of a factorization.
+    flops: f64,
 }
 
 impl Layout {
@@ -165,6 +157,7 @@ impl Layout {
             largest_update,
             widest: (0..n).map(width).max().unwrap_or(0),
             highest: (0..n).map(height).max().unwrap_or(0),
+            flops: fronts.total_flops(),
         })
     }
 
@@ -199,10 +192,7 @@ impl<T: Real> Multifrontal<T> {
         let substitution = Substitution::new(fronts, &layout, threads);
         Some(Self {
             factor: zeros(layout.factor_size())?,
-            panel_starts: layout.panel_starts,
-            update_starts: layout.update_starts,
-            tasks: layout.tasks,
-            top: layout.top,
+            layout,
             stacks,
             desks,
             substitution,
@@ -218,13 +208,13 @@ impl<T: Real> Multifrontal<T> {
         fronts: &Fronts,
         blocks: &[[T; 6]],
     ) -> Result<(), NotPositive> {
-        let total: f64 = (0..fronts.len()).map(|front| fronts.flops(front)).sum();
-        let threads = match total > WORTH_A_THREAD {
+        let layout = &self.layout;
+        let threads = match layout.flops > WORTH_A_THREAD {
             true => self.desks.len(),
             false => 1,
         };
-        let (stacks, top_stack) = self.stacks.split_at_mut(self.tasks.len());
-        let (panel_starts, update_starts) = (&self.panel_starts, &self.update_starts);
+        let (stacks, top_stack) = self.stacks.split_at_mut(layout.tasks.len());
+        let (panel_starts, update_starts) = (&layout.panel_starts, &layout.update_starts);
         let within = Within {
             fronts,
             blocks,
@@ -234,15 +224,15 @@ impl<T: Real> Multifrontal<T> {
         let (my_desk, other_desks) = self.desks.split_first_mut().expect("one thread at least");
         let mut result = Ok(());
         if threads == 1 {
-            for (task, stack) in self.tasks.iter().zip(stacks.iter_mut()) {
+            for (task, stack) in layout.tasks.iter().zip(stacks.iter_mut()) {
                 let panels = &mut self.factor[panel_starts[task.start]..panel_starts[task.end]];
                 let done = within.run(task.clone(), panels, stack, my_desk);
                 result = first_failure(result, done);
             }
         } else {
-            let mut pieces = Vec::with_capacity(self.tasks.len());
+            let mut pieces = Vec::with_capacity(layout.tasks.len());
             let (mut rest, mut at) = (&mut self.factor[..], 0);
-            for (task, stack) in self.tasks.iter().zip(stacks.iter_mut()) {
+            for (task, stack) in layout.tasks.iter().zip(stacks.iter_mut()) {
                 let (begin, end) = (panel_starts[task.start], panel_starts[task.end]);
                 let (_, tail) = rest.split_at_mut(begin - at);
                 let (panels, tail) = tail.split_at_mut(end - begin);
@@ -267,15 +257,15 @@ impl<T: Real> Multifrontal<T> {
         result?;
 
         let task_of = |front: usize| {
-            let task = self.tasks.partition_point(|task| task.end <= front);
-            let is_in = self
+            let task = layout.tasks.partition_point(|task| task.end <= front);
+            let is_in = layout
                 .tasks
                 .get(task)
                 .is_some_and(|task| task.contains(&front));
             is_in.then_some(task)
         };
         let top_stack = &mut top_stack[0];
-        for &front in &self.top {
+        for &front in &layout.top {
             let panel = &mut self.factor[panel_starts[front]..panel_starts[front + 1]];
             eliminate(fronts, front, blocks, panel, (my_desk, threads), |child| {
                 let stack = match task_of(child) {
@@ -536,8 +526,9 @@ fn eliminate_dense<T: Real>(
         )
         .map_err(|LltError::NonPositivePivot { index }| start + index)?;
         let diagonal = diagonal.rb();
-        share(row_tiles(rest.rb_mut()), threads, |tile| {
-            solve_lower_triangular_in_place(diagonal, tile.transpose_mut(), Par::Seq);
+        let transposed = rest.rb_mut().transpose_mut();
+        share(column_tiles(transposed), threads, |tile| {
+            solve_lower_triangular_in_place(diagonal, tile, Par::Seq);
         });
         let rest = rest.rb();
         let n_later = columns - end;
@@ -584,19 +575,6 @@ fn subtract_product<T: Real>(l: MatRef<'_, T>, first: usize, tile: MatMut<'_, T>
         minus,
         Par::Seq,
     );
-}
-
-fn row_tiles<'a, T: Real + 'a>(mut rest: MatMut<'a, T>) -> impl Iterator<Item = MatMut<'a, T>> {
-    std::iter::from_fn(move || {
-        let size = TILE.min(rest.nrows());
-        let all = std::mem::replace(
-            &mut rest,
-            MatMut::from_column_major_slice_mut(&mut [], 0, 0),
-        );
-        let (tile, tail) = all.split_at_row_mut(size);
-        rest = tail;
-        (size > 0).then_some(tile)
-    })
 }
 
 fn column_tiles<'a, T: Real + 'a>(mut rest: MatMut<'a, T>) -> impl Iterator<Item = MatMut<'a, T>> {

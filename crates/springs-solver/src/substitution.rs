@@ -158,15 +158,15 @@ impl<T: Real> Multifrontal<T> {
         let mut top = View {
             fronts,
             factor: &self.factor,
-            panel_starts: &self.panel_starts,
+            panel_starts: &self.layout.panel_starts,
             top_index: &work.top_index,
             columns: 0..0,
             own: &mut [],
             top: &mut work.top_x,
             gathered: &mut work.gathered[0],
         };
-        top.run(Direction::Forward, self.top.iter().copied());
-        top.run(Direction::Backward, self.top.iter().copied());
+        top.run(Direction::Forward, self.layout.top.iter().copied());
+        top.run(Direction::Backward, self.layout.top.iter().copied());
         let (top_x, _) = work.top_x.as_chunks::<3>();
         for (source, &column) in top_x.iter().zip(&work.top_columns) {
             blocks[column as usize] = *source;
@@ -185,20 +185,25 @@ impl<T: Real> Multifrontal<T> {
         };
         let mut rest = x;
         let mut at = 0;
-        let tasks = self.tasks.iter().zip(&mut work.copies).map(|(task, top)| {
-            let columns = fronts.first[task.start]..fronts.first[task.end];
-            let (begin, end) = (3 * columns.start as usize, 3 * columns.end as usize);
-            let (_, tail) = std::mem::take(&mut rest).split_at_mut(begin - at);
-            let (own, tail) = tail.split_at_mut(end - begin);
-            (rest, at) = (tail, end);
-            Task {
-                fronts: task.clone(),
-                columns,
-                own,
-                top,
-            }
-        });
-        let (factor, panel_starts) = (&self.factor, &self.panel_starts);
+        let tasks = self
+            .layout
+            .tasks
+            .iter()
+            .zip(&mut work.copies)
+            .map(|(task, top)| {
+                let columns = fronts.first[task.start]..fronts.first[task.end];
+                let (begin, end) = (3 * columns.start as usize, 3 * columns.end as usize);
+                let (_, tail) = std::mem::take(&mut rest).split_at_mut(begin - at);
+                let (own, tail) = tail.split_at_mut(end - begin);
+                (rest, at) = (tail, end);
+                Task {
+                    fronts: task.clone(),
+                    columns,
+                    own,
+                    top,
+                }
+            });
+        let (factor, panel_starts) = (&self.factor, &self.layout.panel_starts);
         let top_index = &work.top_index;
         let run = |task: Task<'_, T>, gathered: &mut [T]| {
             let mut view = View {

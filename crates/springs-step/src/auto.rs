@@ -52,6 +52,12 @@ struct Candidate {
     idle: Option<Box<dyn Method>>,
 }
 
+impl Candidate {
+    fn is_explicit(&self) -> bool {
+        self.evaluations > 0.0
+    }
+}
+
 /// A method to go on with.
 pub(crate) struct Picked {
     pub(crate) method: Box<dyn Method>,
@@ -146,8 +152,6 @@ impl Auto {
         mut controller: Controller,
     ) -> Result<Start, SetupError> {
         let picked = self.begin(compiled, &controller)?;
-        let price = self.price;
-        let is_explicit = self.candidates[self.current].evaluations > 0.0;
         let mut start = Start {
             choice: picked.choice,
             method: picked.method,
@@ -156,13 +160,13 @@ impl Auto {
             schedule: Schedule::Fixed(StepPlan::equal(controller.left(), 1)),
         };
         if controller.left() > 0.0
-            && self.equal_steps_are_cheaper(compiled, &controller, price, &mut start)?
+            && self.equal_steps_are_cheaper(compiled, &controller, &mut start)?
         {
             return Ok(start);
         }
         // What looks good at rest may be too long once it moves; explicit steps
         // are bounded anyway.
-        controller.change_method(match is_explicit {
+        controller.change_method(match self.candidates[self.current].is_explicit() {
             true => picked.step_size,
             false => picked.step_size.min(controller.step_size()),
         });
@@ -171,19 +175,18 @@ impl Auto {
         Ok(start)
     }
 
-    /// Finds out by trial runs whether filtered leapfrog is cheaper than steps
-    /// of the given price, and starts with it if so.
+    /// Finds out by trial runs whether filtered leapfrog is cheaper than the
+    /// method picked so far, and starts with it if so.
     fn equal_steps_are_cheaper(
         &mut self,
         (system, anchors): (&System, &Anchors),
         controller: &Controller,
-        price: f64,
         start: &mut Start,
     ) -> Result<bool, SetupError> {
         let (duration, tolerance) = (controller.left(), controller.tolerance());
-        let to_beat = price * duration;
+        let to_beat = self.price * duration;
         // Explicit steps keep what they promise: stability bounds them.
-        let is_explicit = self.candidates[self.current].evaluations > 0.0;
+        let is_explicit = self.candidates[self.current].is_explicit();
         let from_rest = if is_explicit { 1.0 } else { FROM_REST };
         let (budget, fewest) = (TRIAL_RUNS * from_rest * to_beat, FEWEST_TRIAL_STEPS);
         if fewest * self.costs.step_with_matrix() > budget {
@@ -226,11 +229,10 @@ impl Auto {
     ) -> Result<Picked, SetupError> {
         let system = compiled.0;
         let state = &State::initial(system);
+        self.ensure_built(system, 0)?;
         if controller.left() == 0.0 {
-            self.ensure_built(system, 0)?;
             return Ok(self.hand_over(Trial::default(), "there is nothing to do".to_owned()));
         }
-        self.ensure_built(system, 0)?;
         let (mut best, mut cost) = self.try_out_from_rest(compiled, state, controller, 0);
         for index in 1..self.candidates.len() {
             if self.is_worth_trying(system, controller, index, best.price)? {
@@ -242,7 +244,13 @@ impl Auto {
             }
         }
         (self.review_cost, self.price) = (cost, best.price);
-        Ok(self.hand_over(best, String::new()))
+        let reason = format!(
+            "by trial steps it is the cheapest for this tolerance: about {:.0e} s of work a \
+             simulated second, in steps of {:.1e} s",
+            1e-9 * best.price,
+            best.step_size
+        );
+        Ok(self.hand_over(best, reason))
     }
 
     /// Takes note of a step of size `h` that did `counts`.
@@ -289,9 +297,9 @@ impl Auto {
         self.review_cost = cost.max(self.review_cost).max(self.price * self.step_size);
         (self.spent, self.covered) = (0.0, 0.0);
         Ok(best.map(|(index, trial)| {
-            let why = format!("{:.1} times cheaper from then on", self.price / trial.price);
+            let reason = format!("{:.1} times cheaper from then on", self.price / trial.price);
             (self.current, self.price) = (index, trial.price);
-            self.hand_over(trial, why)
+            self.hand_over(trial, reason)
         }))
     }
 
@@ -303,17 +311,8 @@ impl Auto {
         }
     }
 
-    fn hand_over(&mut self, trial: Trial, why: String) -> Picked {
+    fn hand_over(&mut self, trial: Trial, reason: String) -> Picked {
         let candidate = &mut self.candidates[self.current];
-        let reason = match why.is_empty() {
-            false => why,
-            true => format!(
-                "by trial steps it is the cheapest for this tolerance: about {:.0e} s of work a \
-                 simulated second, in steps of {:.1e} s",
-                1e-9 * trial.price,
-                trial.step_size
-            ),
-        };
         let mut method = candidate.idle.take().expect("it was tried out");
         method.restart();
         Picked {
@@ -391,7 +390,7 @@ impl Auto {
         index: usize,
     ) -> (Trial, f64) {
         let (first, cost) = self.try_out(compiled, state, controller, index, None);
-        if self.candidates[index].evaluations > 0.0 || !first.price.is_finite() {
+        if self.candidates[index].is_explicit() || !first.price.is_finite() {
             return (first, cost);
         }
         let mut moving = self.tried.clone();

@@ -61,19 +61,24 @@ pub enum Pace {
 ///
 /// If the method cannot move the scene.
 pub fn choose(scene: &Scene, system: &System) -> Result<Choice, SetupError> {
-    if let (scene::Method::Auto, (_, Schedule::Adaptive(_))) =
-        (scene.settings.method, pace_of(scene, system))
-    {
+    let is_open = scene.settings.method == scene::Method::Auto
+        && !matches!(scene.settings.step, StepControl::Fixed(_));
+    if is_open {
         let anchors = Anchors::new(system, &State::initial(system));
         return Ok(start(scene, system, &anchors)?.choice);
     }
-    settle(scene, system)
+    let (pace, schedule) = pace_of(scene, system);
+    settle(scene, system, pace, &schedule)
 }
 
 /// The choice where nothing needs to be tried out: all but `Auto` with a
 /// tolerance.
-fn settle(scene: &Scene, system: &System) -> Result<Choice, SetupError> {
-    let (pace, schedule) = pace_of(scene, system);
+fn settle(
+    scene: &Scene,
+    system: &System,
+    pace: Pace,
+    schedule: &Schedule,
+) -> Result<Choice, SetupError> {
     let mut choice = Choice::open(scene, pace);
     if let (scene::Method::Auto, Schedule::Fixed(plan)) = (choice.method, schedule) {
         pick_for_step(&mut choice, system, plan.step_size);
@@ -155,7 +160,7 @@ pub(crate) fn start(
         refuse_tangent(&choice)?;
         return Auto::new(scene, system, &choice)?.start(compiled, *controller);
     }
-    let choice = settle(scene, system)?;
+    let choice = settle(scene, system, pace, &schedule)?;
     let mut start = Start {
         method: choice.build(system)?,
         choice,

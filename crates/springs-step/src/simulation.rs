@@ -242,12 +242,11 @@ impl Simulation {
         }
         let interval = self.advance()?;
         self.stepper.scatter(&mut self.nodes);
-        self.last = Some(interval);
         Ok(Some(interval))
     }
 
-    /// The state at a time within the last [`Self::step`], to the order of the
-    /// method.
+    /// The state at a time within the last step, by [`Self::step`] or
+    /// [`Self::run`], to the order of the method.
     ///
     /// # Errors
     ///
@@ -366,6 +365,7 @@ impl Simulation {
             interval,
             self.stepper.method().quadrature(),
         );
+        self.last = Some(interval);
         Ok(interval)
     }
 
