@@ -1,6 +1,7 @@
 //! How a step of linearly implicit Euler grows with the size of a scene, phase
-//! by phase, on one thread and on all, beside the floor of the machine: dense
-//! products and copies, measured in the same run. Prints a table in Markdown.
+//! by phase, with strict and with sufficient solutions, on one thread and on
+//! all, beside the floor of the machine: dense products and copies, measured in
+//! the same run. Prints a table in Markdown.
 //!
 //! ```text
 //! cargo bench --bench growth
@@ -8,7 +9,7 @@
 
 use faer::Mat;
 use springs::scene::generate::{Material, block, chain, cloth};
-use springs::scene::{Method, Scene, StepControl};
+use springs::scene::{Method, Scene, Solution, StepControl};
 use springs::step::Simulation;
 use std::hint::black_box;
 use std::time::{Duration, Instant};
@@ -48,11 +49,12 @@ fn copy_speed() -> f64 {
     16.0 * from.len() as f64 / seconds
 }
 
-fn measure(scene: &Scene, threads: usize) -> String {
+fn measure(scene: &Scene, threads: usize, solution: Solution) -> String {
     let mut scene = scene.clone();
     scene.settings.method = Method::LinearlyImplicitEuler;
     scene.settings.step = StepControl::Fixed(H);
     scene.settings.threads = threads;
+    scene.settings.solution = solution;
     scene.settings.duration = 1e3;
     let begin = Instant::now();
     let mut simulation = Simulation::new(&scene).expect("a sound scene");
@@ -67,13 +69,14 @@ fn measure(scene: &Scene, threads: usize) -> String {
     let (counts, phases) = (simulation.work().counts, simulation.work().phases);
     let per_step = |phase: Duration| 1e3 * phase.as_secs_f64() / steps;
     format!(
-        "{:.1} | {:.3} | {:.3} | {:.3} ({:.2}) | {:.3}",
+        "{:.1} | {:.3} | {:.3} | {:.3} ({:.2}) | {:.3} ({:.1})",
         1e3 * setup,
         1e3 * step,
         per_step(phases.assembly),
         per_step(phases.factorization),
         counts.factorizations as f64 / steps,
         per_step(phases.solve),
+        counts.solver_iterations as f64 / steps,
     )
 }
 
@@ -84,9 +87,9 @@ fn main() {
         1e-9 * copy_speed()
     );
     println!(
-        "| scene | nodes | threads | setup, ms | step, ms | assembly | factorization (per step) | solution |"
+        "| scene | nodes | solution | threads | setup, ms | step, ms | assembly | matrix (factorizations a step) | solution (iterations a step) |"
     );
-    println!("| --- | --- | --- | --- | --- | --- | --- | --- |");
+    println!("| --- | --- | --- | --- | --- | --- | --- | --- | --- |");
     let mut scenes = Vec::new();
     for n in [1_000, 10_000, 100_000, 1_000_000] {
         scenes.push(chain(n, Material::of_chain(n)));
@@ -98,11 +101,14 @@ fn main() {
         scenes.push(block(n, Material::of_block()));
     }
     for scene in &scenes {
-        for threads in [1, 0] {
-            let label = if threads == 1 { "1" } else { "all" };
-            let measured = measure(scene, threads);
+        for (threads, label, solution) in [
+            (1, "1", Solution::Strict),
+            (1, "1", Solution::Sufficient),
+            (0, "all", Solution::Sufficient),
+        ] {
+            let measured = measure(scene, threads, solution);
             println!(
-                "| {} | {} | {label} | {measured} |",
+                "| {} | {} | {solution} | {label} | {measured} |",
                 scene.name,
                 scene.nodes.len()
             );

@@ -1,58 +1,91 @@
-//! Ordering and symbolic factorization, numeric factorization, solution, for
-//! the matrix M + h²H of the scenes at h = 1/60 s.
+//! The matrix M + h²H of the scenes in motion, at h = 1/60 s: ordering and
+//! symbolic factorization, and then, by every route, taking a matrix and
+//! solving with it, strictly (1e-11) and sufficiently for a step (1e-6).
 
 mod common;
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
-use springs::assembly::{Evaluation, Projection, Weights, compile};
-use springs::solver::{Options, SparseCholesky};
+use springs::assembly::{Evaluation, Linearization, Projection, Weights};
+use springs::scene::{Method, Scene, StepControl};
+use springs::solver::{Options, Route, Solver};
+use springs::step::Simulation;
+
+const H: f64 = 1.0 / 60.0;
+
+/// The scene after a quarter of a second: its matrix and right-hand side.
+fn in_motion(scene: &Scene) -> (Simulation, Linearization, Vec<f64>) {
+    let mut scene = scene.clone();
+    scene.settings.method = Method::LinearlyImplicitEuler;
+    scene.settings.step = StepControl::Fixed(H);
+    let mut simulation = Simulation::new(&scene).expect("a sound scene");
+    for _ in 0..15 {
+        simulation.step().expect("a step");
+    }
+    let (system, state) = (simulation.stepper().system(), simulation.stepper().state());
+    let at = Evaluation {
+        x: &state.x,
+        v: &state.v,
+        projection: Projection::Clamp,
+        tensions: None,
+        dashpot_tension: false,
+        weights: Weights::of_step(H),
+    };
+    let mut out = system.linearization();
+    system.linearize(&at, &mut out);
+    let momenta = system.masses().iter().zip(&state.v).zip(&out.forces);
+    let rhs = momenta.flat_map(|((m, v), f)| <[f64; 3]>::from(v * *m + f * H));
+    let rhs = rhs.collect();
+    (simulation, out, rhs)
+}
 
 fn solver(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("solver");
     for scene in common::scenes() {
-        let system = compile(&scene).expect("a sound scene");
-        let at = Evaluation {
-            x: system.initial_positions(),
-            v: system.initial_velocities(),
-            projection: Projection::Clamp,
-            tensions: None,
-            dashpot_tension: false,
-            weights: Weights::of_step(1.0 / 60.0),
-        };
-        let mut out = system.linearization();
-        system.linearize(&at, &mut out);
-        let matrix = &out.matrix;
+        let (simulation, out, b) = in_motion(&scene);
+        let (system, matrix) = (simulation.stepper().system(), &out.matrix);
         let pairs = system.pattern().pairs();
-
-        let id = |what| BenchmarkId::new(what, &scene.name);
         let n_free = system.n_free();
         let positions: Vec<[f64; 3]> = system.initial_positions()[..n_free]
             .iter()
             .map(|position| (*position).into())
             .collect();
-        let analyze = || {
+        let analyze = |route| {
             let options = Options {
                 positions: Some(&positions),
-                ..Options::default()
+                threads: 1,
+                route,
             };
-            SparseCholesky::analyze(n_free, pairs, options).expect("enough memory")
+            Solver::analyze(n_free, pairs, options).expect("enough memory")
         };
-        group.bench_function(id("symbolic"), |bencher| bencher.iter(analyze));
-        let mut cholesky = analyze();
-        group.bench_function(id("factorization"), |bencher| {
-            bencher.iter(|| {
-                cholesky
-                    .factorize(matrix.diagonal(), matrix.off_diagonal())
-                    .expect("positive definite")
-            });
+        let id = |what: &str| BenchmarkId::new(what, &scene.name);
+        group.bench_function(id("symbolic"), |bencher| {
+            bencher.iter(|| analyze(Route::Double));
         });
-        let mut rhs = vec![1.0; 3 * n_free];
-        group.bench_function(id("solve"), |bencher| {
-            bencher.iter(|| {
-                rhs.fill(1.0);
-                cholesky.solve_in_place(&mut rhs).expect("a factor");
+        let mut routes = vec![(Route::Double, "double"), (Route::Auto, "automatic")];
+        // Without fill there is only one route.
+        if !scene.name.starts_with("chain") {
+            routes.extend([(Route::Mixed, "mixed"), (Route::Iterative, "iterative")]);
+        }
+        for (route, name) in routes {
+            let mut solver = analyze(route);
+            let take = |solver: &mut Solver| {
+                solver
+                    .set_matrix(matrix.diagonal(), matrix.off_diagonal())
+                    .expect("positive definite");
+            };
+            group.bench_function(id(&format!("matrix, {name}")), |bencher| {
+                bencher.iter(|| take(&mut solver));
             });
-        });
+            for (accuracy, how) in [(1e-11, "strict"), (1e-6, "sufficient")] {
+                let mut x = b.clone();
+                group.bench_function(id(&format!("solution, {name}, {how}")), |bencher| {
+                    bencher.iter(|| {
+                        x.copy_from_slice(&b);
+                        solver.solve_in_place(&mut x, accuracy).expect("definite");
+                    });
+                });
+            }
+        }
     }
     group.finish();
 }

@@ -7,7 +7,7 @@
 //! | [`math`] | `springs-math` | energy, force and Hessian kernels |
 //! | [`scene`] | `springs-scene` | scenes as plain data, generators, validation |
 //! | [`assembly`] | `springs-assembly` | global mass, force and sparse Hessian |
-//! | [`solver`] | `springs-solver` | sparse Cholesky solution |
+//! | [`solver`] | `springs-solver` | solution of sparse systems |
 //! | [`step`] | `springs-step` | methods, time loop, frames, report |
 //! | [`io`] | `springs-io` | scene files, trajectories, reports |
 //!

@@ -4,7 +4,7 @@ use crate::{
     BlockMatrix, BlockPattern, Dashpots, Evaluation, ForceEmitter, Gravity, Numbering, Springs,
 };
 use nalgebra::Vector3;
-use springs_scene::Scene;
+use springs_scene::{Scene, Solution};
 use std::num::NonZeroUsize;
 use std::sync::{Arc, LazyLock};
 
@@ -26,6 +26,7 @@ pub struct System {
     gravity: Gravity,
     pattern: Arc<BlockPattern>,
     threads: usize,
+    solution: Solution,
     initial_positions: Vec<Vector3<f64>>,
     initial_velocities: Vec<Vector3<f64>>,
 }
@@ -91,12 +92,18 @@ impl System {
                 0 => *MACHINE_THREADS,
                 asked => asked,
             },
+            solution: scene.settings.solution,
         }
     }
 
     /// Threads that may be used on the system.
     pub fn threads(&self) -> usize {
         self.threads
+    }
+
+    /// How precisely linear systems are to be solved.
+    pub fn solution(&self) -> Solution {
+        self.solution
     }
 
     /// Which node is which block.

@@ -271,6 +271,7 @@ fn settings(entry: SimulationEntry) -> Settings {
         tangent: entry.tangent.map(|named| named.0),
         step,
         duration: entry.duration.map_or(default.duration, |real| real.0),
-        threads: 0,
+        threads: default.threads,
+        solution: entry.solution.map_or(default.solution, |named| named.0),
     }
 }

@@ -17,6 +17,8 @@ pub struct Report {
     pub method: String,
     /// Tangent, in kebab-case, if the method has a matrix.
     pub tangent: Option<String>,
+    /// How precisely linear systems are solved: `sufficient` or `strict`.
+    pub solution: String,
     /// Threads used.
     pub threads: usize,
     /// Nodes of the scene.
@@ -45,10 +47,14 @@ pub struct Report {
     pub force_evaluations: u64,
     /// Orderings and symbolic factorizations.
     pub symbolic_factorizations: u64,
+    /// Evaluations of forces and matrix at once.
+    pub linearizations: u64,
     /// Numeric factorizations.
     pub factorizations: u64,
     /// Solutions of a linear system.
     pub solves: u64,
+    /// Iterations of conjugate gradients in these.
+    pub solver_iterations: u64,
     /// Newton iterations.
     pub newton_iterations: u64,
     /// Springs clamped on demand, summed over steps.

@@ -57,6 +57,7 @@ pub(crate) struct SimulationEntry {
     pub(crate) step: Option<Real>,
     pub(crate) tolerance: Option<Real>,
     pub(crate) duration: Option<Real>,
+    pub(crate) solution: Option<Named<springs_scene::Solution>>,
 }
 
 /// A version that this crate can read.
@@ -119,7 +120,7 @@ impl<'de> Deserialize<'de> for NodeIndex {
     }
 }
 
-/// A method or tangent by its name, unquoted.
+/// A method, tangent or the like by its name, unquoted.
 pub(crate) struct Named<T>(pub(crate) T);
 
 impl<'de, T> Deserialize<'de> for Named<T>

@@ -3,7 +3,7 @@
 use crate::atomic::{WriteError, write_whole};
 use crate::scene_file::VERSION;
 use nalgebra::Vector3;
-use springs_scene::{Scene, StepControl};
+use springs_scene::{Scene, Solution, StepControl};
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -59,6 +59,9 @@ pub fn scene_to_string(scene: &Scene) -> String {
         }
     }
     fields += &format!(", duration: {}", number(settings.duration));
+    if settings.solution != Solution::Sufficient {
+        fields += &format!(", solution: {}", settings.solution.name());
+    }
     line(format_args!("simulation: ({fields})"));
     text.push_str(")\n");
     text

@@ -30,4 +30,4 @@ mod settings;
 pub use nalgebra::Vector3;
 pub use problems::{Path, Problem};
 pub use scene::{Node, Scene, Spring};
-pub use settings::{Method, Settings, StepControl, Tangent, UnknownName};
+pub use settings::{Method, Settings, Solution, StepControl, Tangent, UnknownName};

@@ -18,6 +18,9 @@ pub struct Settings {
     /// Threads that may be used; 0: as many as the machine has. No result
     /// depends on it.
     pub threads: usize,
+    /// How precisely linear systems are solved where they are solved by
+    /// iteration.
+    pub solution: Solution,
 }
 
 impl Default for Settings {
@@ -28,6 +31,7 @@ impl Default for Settings {
             step: StepControl::Auto,
             duration: 1.0,
             threads: 0,
+            solution: Solution::Sufficient,
         }
     }
 }
@@ -148,6 +152,17 @@ named! {
         Material = "material",
         /// Across stiffness from a tension carried from step to step.
         Filtered = "filtered",
+    }
+}
+
+named! {
+    /// How precisely linear systems are solved where they are solved by
+    /// iteration; direct solutions are always right to rounding.
+    Solution, "solution" {
+        /// So that what is left is a small part of the error of the method.
+        Sufficient = "sufficient",
+        /// To 1e-11, as if solved directly.
+        Strict = "strict",
     }
 }
 

@@ -1,52 +1,94 @@
-//! Direct solution of sparse symmetric positive definite systems of 3 × 3
-//! blocks.
+//! Solution of sparse symmetric positive definite systems of 3 × 3 blocks.
 //!
-//! [`SparseCholesky::analyze`] orders the graph of blocks and factorizes
-//! symbolically, once; [`SparseCholesky::factorize`] and
-//! [`SparseCholesky::solve_in_place`] then do numeric work only and, on one
-//! thread, allocate nothing. The order is that of minimum degree or, with
-//! positions, of nested dissection, whichever takes fewer operations. The
-//! factorization is multifrontal, with faer's dense kernels in wide fronts;
-//! independent subtrees run on several threads, with the same bits for any
-//! number of them.
+//! [`Solver::analyze`] orders the graph of blocks and factorizes symbolically,
+//! once; [`Solver::set_matrix`] and [`Solver::solve_in_place`] then do numeric
+//! work only and, on one thread, allocate nothing once warm. There are three
+//! [routes](Route): a factor in double precision, one in single precision that
+//! preconditions conjugate gradients, and conjugate gradients with a multilevel
+//! preconditioner, which takes far less time and memory for large matrices that
+//! are not extremely stiff.
+//!
+//! The order is that of minimum degree or, with positions, of nested dissection,
+//! whichever takes fewer operations. The factorization is multifrontal, with
+//! faer's dense kernels in wide fronts; independent subtrees run on several
+//! threads, with the same bits for any number of them.
 //!
 //! Matrices are given as one symmetric block per block row and one per coupled
 //! pair, each packed as (xx, xy, xz, yy, yz, zz); off-diagonal blocks are
 //! symmetric themselves.
-//!
-//! ```
-//! use springs_solver::{Options, SparseCholesky};
-//!
-//! // [4I  −I; −I  4I] x = b
-//! let mut cholesky = SparseCholesky::analyze(2, &[[0, 1]], Options::default())?;
-//! let identity = |s: f64| [s, 0.0, 0.0, s, 0.0, s];
-//! cholesky.factorize(&[identity(4.0); 2], &[identity(-1.0)])?;
-//! let mut x = [3.0; 6];
-//! cholesky.solve_in_place(&mut x)?;
-//! assert!(x.iter().all(|x| (x - 1.0).abs() < 1e-15));
-//! # Ok::<(), springs_solver::SolveError>(())
-//! ```
 
-mod cholesky;
+mod conjugate_gradients;
+mod direct;
 mod dissection;
 mod fronts;
 mod graph;
-mod mixed;
 mod multifrontal;
+mod multilevel;
+mod route;
+mod rows;
 mod sharing;
+mod single;
+mod solver;
 mod substitution;
 mod tree;
 
-pub use cholesky::{FactorSize, Options, Precision, SparseCholesky};
+pub use route::{Price, Route};
+pub use solver::Solver;
+
+/// How systems are to be solved.
+#[derive(Clone, Copy, Debug)]
+pub struct Options<'a> {
+    /// A position in space for every block, which may lead to a better order:
+    /// minimum degree and nested dissection are compared by the operations they
+    /// take.
+    pub positions: Option<&'a [[f64; 3]]>,
+    /// Threads that may be used; results are the same to the last bit for any
+    /// number of them.
+    pub threads: usize,
+    /// Which way.
+    pub route: Route,
+}
+
+impl Default for Options<'_> {
+    /// One thread, double precision.
+    fn default() -> Self {
+        Self {
+            positions: None,
+            threads: 1,
+            route: Route::Double,
+        }
+    }
+}
+
+/// How often each kind of work was done.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Numeric factorizations of whole matrices.
+    pub factorizations: u64,
+    /// Solutions.
+    pub solutions: u64,
+    /// Iterations of conjugate gradients.
+    pub iterations: u64,
+}
+
+/// How much a factorization is.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct FactorSize {
+    /// Entries of the factor, whole blocks counted.
+    pub(crate) entries: f64,
+    /// Multiplications and additions.
+    pub(crate) flops: f64,
+}
 
 /// Why a system could not be solved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SolveError {
-    /// A pivot was zero, negative or not a number.
+    /// A pivot, or the curvature along a search direction, was zero, negative or
+    /// not a number.
     #[error("the matrix is not positive definite: non-positive pivot in block {block}")]
     NotPositiveDefinite {
-        /// The block row it belongs to.
+        /// The block row it belongs to, or where the direction is largest.
         block: usize,
     },
     /// A coupled pair refers to a block that is not there.

@@ -2,13 +2,13 @@
 
 use crate::choose::{Choice, Schedule, Start, can_move};
 use crate::controller::Controller;
+use crate::linear;
 use crate::pilot::equal_steps;
-use crate::stage::blocks_of;
 use crate::work::Counts;
 use crate::{Anchors, Interval, Method, SetupError, State, StepPlan, Work};
 use springs_assembly::System;
 use springs_scene::{self as scene, Scene};
-use springs_solver::{FactorSize, SparseCholesky};
+use springs_solver::Price;
 
 /// Chooses among the methods by what they would cost from here on.
 ///
@@ -192,7 +192,7 @@ impl Auto {
         if fewest * self.costs.step_with_matrix() > budget {
             return Ok(false);
         }
-        self.costs.learn_matrix(system)?;
+        self.costs.learn_system(system)?;
         let step = self.costs.step_with_matrix();
         if self.costs.analysis + fewest * step > budget {
             return Ok(false);
@@ -348,13 +348,13 @@ impl Auto {
         let is_built = candidate.idle.is_some();
         let attempt = match candidate.evaluations {
             0.0 => {
-                if !self.costs.is_matrix_known() {
+                if !self.costs.is_system_known {
                     // Without fill it would cost at least this.
                     let least = self.costs.attempt_with_matrix() + self.costs.analysis;
                     if least > SHARE * price * left {
                         return Ok(false);
                     }
-                    self.costs.learn_matrix(system)?;
+                    self.costs.learn_system(system)?;
                 }
                 let setup = if is_built { 0.0 } else { self.costs.analysis };
                 self.costs.attempt_with_matrix() + setup / USUAL_ATTEMPTS
@@ -473,11 +473,14 @@ struct Trial {
 struct Costs {
     force: f64,
     linearization: f64,
-    factorization: f64,
-    solve: f64,
     analysis: f64,
-    size: Option<FactorSize>,
+    /// As little as it can be, until it is known.
+    system: Price,
+    is_system_known: bool,
 }
+
+/// Iterations of a solution, where it takes any.
+const USUAL_ITERATIONS: f64 = 20.0;
 
 impl Costs {
     fn of(system: &System) -> Self {
@@ -485,44 +488,34 @@ impl Costs {
         let nodes = system.n_free() as f64;
         let pairs = system.pattern().pairs().len() as f64;
         let entries = 6.0 * nodes + 9.0 * pairs;
-        let mut costs = Self {
+        Self {
             force: 40.0 + 4.2 * springs + 2.0 * nodes,
             linearization: 100.0 + 15.0 * springs + 10.0 * nodes,
             analysis: 5e3 + 500.0 * nodes + 150.0 * pairs,
-            factorization: 0.0,
-            solve: 0.0,
-            size: None,
-        };
-        costs.set_size(FactorSize {
-            entries,
-            flops: 0.0,
-        });
-        costs
+            system: Price {
+                matrix: 300.0 + 4.5 * entries,
+                solution: 100.0 + 1.2 * entries,
+                iteration: 0.0,
+            },
+            is_system_known: false,
+        }
     }
 
-    fn set_size(&mut self, size: FactorSize) {
-        self.factorization = 300.0 + 4.5 * size.entries + size.flops / 50.0;
-        self.solve = 100.0 + 1.2 * size.entries;
-    }
-
-    fn is_matrix_known(&self) -> bool {
-        self.size.is_some()
-    }
-
-    fn learn_matrix(&mut self, system: &System) -> Result<(), SetupError> {
-        if self.size.is_none() {
-            let n_free = system.n_free();
-            let positions = blocks_of(&system.initial_positions()[..n_free]);
-            let pairs = system.pattern().pairs();
-            let size = SparseCholesky::count(n_free, pairs, Some(positions))?;
-            self.set_size(size);
-            self.size = Some(size);
+    fn learn_system(&mut self, system: &System) -> Result<(), SetupError> {
+        if !self.is_system_known {
+            self.system = linear::price(system)?;
+            self.is_system_known = true;
         }
         Ok(())
     }
 
     fn step_with_matrix(&self) -> f64 {
-        self.linearization + self.factorization + self.solve
+        let Price {
+            matrix,
+            solution,
+            iteration,
+        } = self.system;
+        self.linearization + matrix + solution + USUAL_ITERATIONS * iteration
     }
 
     fn attempt_with_matrix(&self) -> f64 {
@@ -531,10 +524,11 @@ impl Costs {
 
     /// What was counted, with `evaluation` for each evaluation of forces alone.
     fn of_counts(&self, counts: &Counts, evaluation: f64) -> f64 {
-        let linearizations = counts.factorizations;
+        let linearizations = counts.linearizations;
         let forces = counts.force_evaluations.saturating_sub(linearizations);
         forces as f64 * evaluation
-            + linearizations as f64 * (self.linearization + self.factorization)
-            + counts.solves as f64 * self.solve
+            + linearizations as f64 * (self.linearization + self.system.matrix)
+            + counts.solves as f64 * self.system.solution
+            + counts.solver_iterations as f64 * self.system.iteration
     }
 }

@@ -1,11 +1,9 @@
 //! Filtered leapfrog: Verlet with kicks that pass through a stiffness matrix.
 
-use crate::stage::{OnDemand, analyze, factorize, solve};
-use crate::work::timed;
+use crate::linear::{LinearSystem, Linearized, OnDemand, Purpose};
 use crate::{Anchors, ErrorEstimate, Interval, Method, MethodError, State, Work};
 use nalgebra::Vector3;
-use springs_assembly::{Evaluation, ForceEmitter as _, Linearization, Projection, System, Weights};
-use springs_solver::SparseCholesky;
+use springs_assembly::{Evaluation, ForceEmitter as _, Projection, System, Weights};
 
 /// v½ = v + ½h a, x' = x + h v½, v' = v½ + ½h a' with
 /// (M + ½hD + αh²S) a' = f(x', v½), where S is the Hessian with across
@@ -21,9 +19,7 @@ use springs_solver::SparseCholesky;
 /// Stiff springs are longer by about αh² times the acceleration they hold, so
 /// the step must not shrink on the way: what it held is then let go.
 pub struct FilteredLeapfrog {
-    cholesky: SparseCholesky,
-    setup: Work,
-    linearization: Linearization,
+    linear: LinearSystem,
     accelerations: Vec<Vector3<f64>>,
     /// Those at the end of the step; zero for fixed blocks.
     next_accelerations: Vec<Vector3<f64>>,
@@ -43,11 +39,8 @@ impl FilteredLeapfrog {
     /// If the factor cannot be stored.
     pub fn new(system: &System) -> Result<Self, springs_solver::SolveError> {
         let zeros = vec![Vector3::zeros(); system.numbering().n_nodes()];
-        let mut setup = Work::default();
         Ok(Self {
-            cholesky: analyze(system, &mut setup)?,
-            setup,
-            linearization: system.linearization(),
+            linear: LinearSystem::new(system)?,
             accelerations: zeros.clone(),
             next_accelerations: zeros,
             tensions: vec![0.0; system.springs().len()],
@@ -71,32 +64,30 @@ impl FilteredLeapfrog {
             damping: behind,
             stiffness: ALPHA * h * h,
         };
-        let out = &mut self.linearization;
-        let tensions = Some(&*self.next_tensions);
+        let at = Evaluation {
+            x: &state.x,
+            v: &state.v,
+            projection: Projection::None,
+            tensions: Some(&*self.next_tensions),
+            dashpot_tension: false,
+            weights,
+        };
         work.counts.force_evaluations += 1;
-        factorize(
+        self.linear.linearize_and_solve(
             system,
-            &mut self.cholesky,
-            OnDemand::Clamp,
-            Evaluation {
-                x: &state.x,
-                v: &state.v,
-                projection: Projection::None,
-                tensions,
-                dashpot_tension: false,
-                weights,
+            Linearized {
+                at,
+                on_demand: OnDemand::Clamp,
+                purpose: Purpose::Step,
             },
-            out,
+            |out, accelerations| {
+                let dashpots = system.dashpots();
+                dashpots.add_forces(&state.x, &state.v, &mut out.forces);
+                accelerations.copy_from_slice(&out.forces);
+            },
+            &mut self.next_accelerations[..system.n_free()],
             work,
         )?;
-        let n_free = system.n_free();
-        timed(&mut work.phases.assembly, || {
-            let forces = &mut out.forces;
-            system.dashpots().add_forces(&state.x, &state.v, forces);
-            self.next_accelerations[..n_free].copy_from_slice(forces);
-        });
-        let free = &mut self.next_accelerations[..n_free];
-        solve(&mut self.cholesky, free, work)?;
         // What the filter leaves of the tension.
         system.springs().predict_tensions(
             &state.x,
@@ -114,7 +105,7 @@ impl Method for FilteredLeapfrog {
     }
 
     fn setup(&self) -> Work {
-        self.setup
+        self.linear.setup()
     }
 
     fn restart(&mut self) {

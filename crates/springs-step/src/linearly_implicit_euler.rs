@@ -1,11 +1,11 @@
 //! Linearly implicit Euler: the step of the note, Eqs. 10–14.
 
-use crate::stage::{OnDemand, analyze, answer, factorize, solve};
+use crate::linear::{LinearSystem, Linearized, OnDemand, Purpose};
 use crate::{Anchors, ErrorEstimate, Interval, Method, MethodError, Quadrature, State, Work};
 use nalgebra::Vector3;
-use springs_assembly::{Evaluation, Linearization, Projection, System, Weights};
+use springs_assembly::{Evaluation, Projection, System, Weights};
 use springs_scene::Tangent;
-use springs_solver::{SolveError, SparseCholesky};
+use springs_solver::SolveError;
 
 /// (M + hD + h²H) v' = M v + h f, x' = x + h v'.
 ///
@@ -20,9 +20,7 @@ use springs_solver::{SolveError, SparseCholesky};
 /// change of length that the step predicted.
 pub struct LinearlyImplicitEuler {
     tangent: Tangent,
-    cholesky: SparseCholesky,
-    setup: Work,
-    linearization: Linearization,
+    linear: LinearSystem,
     /// The right-hand side, then the new velocities of the free blocks.
     velocities: Vec<Vector3<f64>>,
     /// Filtered tensions; only used with that tangent.
@@ -42,12 +40,9 @@ impl LinearlyImplicitEuler {
             Tangent::Filtered => system.springs().len(),
             _ => 0,
         };
-        let mut setup = Work::default();
         Ok(Self {
             tangent,
-            cholesky: analyze(system, &mut setup)?,
-            setup,
-            linearization: system.linearization(),
+            linear: LinearSystem::new(system)?,
             velocities: vec![Vector3::zeros(); system.n_free()],
             tensions: vec![0.0; n_tensions],
             next_tensions: vec![0.0; n_tensions],
@@ -55,8 +50,9 @@ impl LinearlyImplicitEuler {
         })
     }
 
-    /// f and a factorized M + hD + h²H, from the force emitters.
-    fn assemble(
+    /// Assembles f and M + hD + h²H from the force emitters and solves for the
+    /// new velocities, Eq. 14.
+    fn velocity_step(
         &mut self,
         system: &System,
         state: &State,
@@ -68,49 +64,38 @@ impl LinearlyImplicitEuler {
             system.springs().tensions(&state.x, &mut self.tensions);
             self.tensions_are_known = true;
         }
-        work.counts.force_evaluations += 1;
         let (on_demand, projection) = match self.tangent {
             Tangent::Exact | Tangent::Filtered => (OnDemand::Clamp, Projection::None),
             Tangent::Clamped => (OnDemand::Always, Projection::Clamp),
             Tangent::Absolute => (OnDemand::Always, Projection::Absolute),
             Tangent::Material => (OnDemand::Always, Projection::Drop),
         };
-        factorize(
+        let at = Evaluation {
+            x: &state.x,
+            v: &state.v,
+            projection,
+            tensions: filtered.then_some(&*self.tensions),
+            dashpot_tension: false,
+            weights: Weights::of_step(h),
+        };
+        work.counts.force_evaluations += 1;
+        self.linear.linearize_and_solve(
             system,
-            &mut self.cholesky,
-            on_demand,
-            Evaluation {
-                x: &state.x,
-                v: &state.v,
-                projection,
-                tensions: filtered.then_some(&*self.tensions),
-                dashpot_tension: false,
-                weights: Weights::of_step(h),
+            Linearized {
+                at,
+                on_demand,
+                purpose: Purpose::Step,
             },
-            &mut self.linearization,
+            |out, rhs| {
+                let known = out.forces.iter().zip(&out.anchor_load);
+                let momenta = system.masses().iter().zip(&state.v);
+                for ((rhs, (f, load)), (m, v)) in rhs.iter_mut().zip(known).zip(momenta) {
+                    *rhs = v * *m + f * h + load;
+                }
+            },
+            &mut self.velocities,
             work,
         )
-    }
-
-    /// Solves for the new velocities, Eq. 14.
-    fn velocity_step(
-        &mut self,
-        system: &System,
-        state: &State,
-        h: f64,
-        work: &mut Work,
-    ) -> Result<(), MethodError> {
-        let Linearization {
-            forces,
-            anchor_load,
-            ..
-        } = &self.linearization;
-        let known = forces.iter().zip(anchor_load);
-        let momenta = system.masses().iter().zip(&state.v);
-        for ((rhs, (f, load)), (m, v)) in self.velocities.iter_mut().zip(known).zip(momenta) {
-            *rhs = v * *m + f * h + load;
-        }
-        solve(&mut self.cholesky, &mut self.velocities, work)
     }
 
     /// x' = x + h v'.
@@ -138,7 +123,7 @@ impl Method for LinearlyImplicitEuler {
     }
 
     fn setup(&self) -> Work {
-        self.setup
+        self.linear.setup()
     }
 
     fn restart(&mut self) {
@@ -155,7 +140,6 @@ impl Method for LinearlyImplicitEuler {
         work: &mut Work,
     ) -> Result<Option<ErrorEstimate>, MethodError> {
         let h = interval.size;
-        self.assemble(system, state, h, work)?;
         self.velocity_step(system, state, h, work)?;
         if self.tangent == Tangent::Filtered {
             self.predict_tensions(system, state, h);
@@ -173,8 +157,8 @@ impl Method for LinearlyImplicitEuler {
         errors: &mut [Vector3<f64>],
         work: &mut Work,
     ) -> bool {
-        let solver = (&mut self.cholesky, &mut self.linearization);
-        answer(system, solver, state, None, time_scale, errors, work)
+        self.linear
+            .answer(system, state, None, time_scale, errors, work)
     }
 
     fn accept(&mut self) {

@@ -1,12 +1,13 @@
 //! RODAS4: a Rosenbrock method of order 4.
 
+use crate::linear::{LinearSystem, Purpose};
 use crate::method::time_scale;
-use crate::stage::{OnDemand, analyze, factorize, largest, solve};
+use crate::stage::largest;
 use crate::work::timed;
 use crate::{Anchors, ErrorEstimate, Interval, Method, MethodError, State, Work};
 use nalgebra::Vector3;
-use springs_assembly::{Evaluation, Linearization, Projection, System, Weights};
-use springs_solver::{SolveError, SparseCholesky};
+use springs_assembly::{Evaluation, Projection, System, Weights};
+use springs_solver::SolveError;
 
 /// Order 4 with an embedded result of order 3, L-stable, linearly implicit: one
 /// factorization and six solutions a step (Hairer and Wanner: Solving Ordinary
@@ -17,9 +18,7 @@ use springs_solver::{SolveError, SparseCholesky};
 /// Jacobian is not symmetric, and where the matrix is not positive definite a
 /// step fails; with a tolerance a shorter one is then tried.
 pub struct Rodas4 {
-    cholesky: SparseCholesky,
-    setup: Work,
-    linearization: Linearization,
+    linear: LinearSystem,
     /// u of each stage: of positions and of velocities, free blocks.
     stages: [Slopes; STAGES],
     /// Where the stage is evaluated.
@@ -80,16 +79,13 @@ impl Rodas4 {
     ///
     /// If the factor cannot be stored.
     pub fn new(system: &System) -> Result<Self, SolveError> {
-        let mut setup = Work::default();
         let zeros = vec![Vector3::zeros(); system.n_free()];
         let slopes = Slopes {
             x: zeros.clone(),
             v: zeros.clone(),
         };
         Ok(Self {
-            cholesky: analyze(system, &mut setup)?,
-            setup,
-            linearization: system.linearization(),
+            linear: LinearSystem::new(system)?,
             stages: std::array::from_fn(|_| slopes.clone()),
             stage: State::initial(system),
             forces: zeros.clone(),
@@ -124,7 +120,8 @@ impl Rodas4 {
         for (rhs, ((m, rx), rv)) in self.forces.iter_mut().zip(known) {
             *rhs = (rx + rv * c) * (c * m);
         }
-        solve(&mut self.cholesky, &mut self.forces, work)?;
+        self.linear
+            .solve(&mut self.forces, Purpose::HighOrder, work)?;
         for ((x, v), solved) in slopes.x.iter_mut().zip(&mut slopes.v).zip(&self.forces) {
             *v = solved / c - *x;
             *x = *solved;
@@ -139,7 +136,7 @@ impl Method for Rodas4 {
     }
 
     fn setup(&self) -> Work {
-        self.setup
+        self.linear.setup()
     }
 
     fn restart(&mut self) {}
@@ -162,11 +159,14 @@ impl Method for Rodas4 {
             dashpot_tension: false,
             weights: Weights::of_step(c),
         };
-        let (cholesky, out) = (&mut self.cholesky, &mut self.linearization);
-        factorize(system, cholesky, OnDemand::Always, at, out, work)?;
+        self.linear.linearize(system, at, work)?;
         work.counts.force_evaluations += 1;
         // The load of the anchors is −(hγ)²H v over them.
-        for (drift, load) in self.drift.iter_mut().zip(&out.anchor_load) {
+        for (drift, load) in self
+            .drift
+            .iter_mut()
+            .zip(&self.linear.linearization().anchor_load)
+        {
             *drift = load / (c * c);
         }
         self.stage.v.copy_from_slice(&state.v);

@@ -1,10 +1,10 @@
 //! The implicit stage that all converged methods share, and its Newton solver.
 
-use crate::work::timed;
+use crate::linear::{LinearSystem, Linearized, OnDemand, Purpose};
 use crate::{MethodError, State, Work};
 use nalgebra::Vector3;
-use springs_assembly::{Evaluation, ForceEmitter as _, Linearization, Projection, System, Weights};
-use springs_solver::{Options, Precision, SolveError, SparseCholesky};
+use springs_assembly::{Evaluation, ForceEmitter as _, Projection, System, Weights};
+use springs_solver::SolveError;
 
 /// Solver of M v = p + c f(x, v), x = q + c v for the velocities v of a stage.
 ///
@@ -17,15 +17,13 @@ use springs_solver::{Options, Precision, SolveError, SparseCholesky};
 /// method on the velocities alone, with the energy of the step as merit
 /// function and Armijo's rule, makes some progress first; and so in turns.
 pub(crate) struct Stage {
-    cholesky: SparseCholesky,
-    linearization: Linearization,
+    linear: LinearSystem,
     /// Correction of the velocities; zero for fixed blocks.
     delta: Vec<Vector3<f64>>,
     start: State,
     trial: State,
     tensions: Vec<f64>,
     frequency_bound: f64,
-    setup: Work,
 }
 
 /// What kind of correction is wanted.
@@ -64,11 +62,8 @@ const SUFFICIENT: f64 = 1e-4;
 
 impl Stage {
     pub(crate) fn new(system: &System) -> Result<Self, SolveError> {
-        let mut setup = Work::default();
         Ok(Self {
-            cholesky: analyze(system, &mut setup)?,
-            setup,
-            linearization: system.linearization(),
+            linear: LinearSystem::new(system)?,
             delta: vec![Vector3::zeros(); system.numbering().n_nodes()],
             start: State::initial(system),
             trial: State::initial(system),
@@ -200,41 +195,42 @@ impl Stage {
         let tensions = (kind == Iteration::Filtered).then_some(&*self.tensions);
         work.counts.newton_iterations += 1;
         work.counts.force_evaluations += 1;
-        let out = &mut self.linearization;
-        factorize(
+        let at = Evaluation {
+            x: &state.x,
+            v: &state.v,
+            projection: Projection::Clamp,
+            tensions,
+            dashpot_tension: true,
+            weights: Weights::of_step(c),
+        };
+        let on_demand = match kind {
+            Iteration::Clamped => OnDemand::Always,
+            _ => OnDemand::Clamp,
+        };
+        let delta = &mut self.delta[..system.n_free()];
+        self.linear.linearize_and_solve(
             system,
-            &mut self.cholesky,
-            match kind {
-                Iteration::Clamped => OnDemand::Always,
-                _ => OnDemand::Clamp,
+            Linearized {
+                at,
+                on_demand,
+                purpose: Purpose::Correction,
             },
-            Evaluation {
-                x: &state.x,
-                v: &state.v,
-                projection: Projection::Clamp,
-                tensions,
-                dashpot_tension: true,
-                weights: Weights::of_step(c),
+            |out, delta| {
+                let dashpots = system.dashpots();
+                dashpots.add_forces(&state.x, &state.v, &mut out.forces);
+                let known = problem.momenta.iter().zip(&out.forces);
+                let momenta = system.masses().iter().zip(&state.v);
+                for (((p, f), (m, v)), delta) in known.zip(momenta).zip(&mut *delta) {
+                    *delta = p + f * c - v * *m;
+                }
+                // The forces are not needed any more; they keep the residual.
+                out.forces.copy_from_slice(delta);
             },
-            out,
+            delta,
             work,
         )?;
-        let n_free = system.n_free();
-        timed(&mut work.phases.assembly, || {
-            system
-                .dashpots()
-                .add_forces(&state.x, &state.v, &mut out.forces);
-        });
-        let delta = &mut self.delta[..n_free];
-        let known = problem.momenta.iter().zip(&out.forces);
-        let momenta = system.masses().iter().zip(&state.v);
-        for (((p, f), (m, v)), delta) in known.zip(momenta).zip(&mut *delta) {
-            *delta = p + f * c - v * *m;
-        }
-        // The forces are not needed any more; they keep the residual.
-        out.forces.copy_from_slice(delta);
-        solve(&mut self.cholesky, delta, work)?;
-        let products = out.forces.iter().zip(&*delta).map(|(r, d)| r.dot(d));
+        let residual = &self.linear.linearization().forces;
+        let products = residual.iter().zip(&*delta).map(|(r, d)| r.dot(d));
         Ok(products.sum())
     }
 
@@ -256,20 +252,20 @@ impl Stage {
 
     /// What its construction took.
     pub(crate) fn setup(&self) -> Work {
-        self.setup
+        self.linear.setup()
     }
 
-    /// With the factor of the last correction: what is left of a disturbance
+    /// With the matrix of the last correction: what is left of a disturbance
     /// of momenta when the springs have answered.
     pub(crate) fn filter(
         &mut self,
         momenta: &mut [Vector3<f64>],
         work: &mut Work,
     ) -> Result<(), MethodError> {
-        solve(&mut self.cholesky, momenta, work)
+        self.linear.solve(momenta, Purpose::Estimate, work)
     }
 
-    /// [`answer`] with the matrix and solver of the stage.
+    /// [`LinearSystem::answer`] with the system of the stage.
     pub(crate) fn answer(
         &mut self,
         system: &System,
@@ -279,16 +275,8 @@ impl Stage {
         errors: &mut [Vector3<f64>],
         work: &mut Work,
     ) -> bool {
-        let solver = (&mut self.cholesky, &mut self.linearization);
-        answer(
-            system,
-            solver,
-            state,
-            Some(tensions),
-            time_scale,
-            errors,
-            work,
-        )
+        self.linear
+            .answer(system, state, Some(tensions), time_scale, errors, work)
     }
 
     fn delta_size(&self, system: &System) -> f64 {
@@ -396,113 +384,4 @@ pub(crate) fn largest(vectors: &[Vector3<f64>]) -> (usize, f64) {
         }
     }
     found
-}
-
-/// What becomes of negative across stiffness.
-#[derive(Clone, Copy)]
-pub(crate) enum OnDemand {
-    /// It stays, but is clamped if the matrix turns out indefinite.
-    Clamp,
-    /// Always the projection that is given.
-    Always,
-}
-
-/// Orders and factorizes symbolically, and counts it.
-pub(crate) fn analyze(system: &System, work: &mut Work) -> Result<SparseCholesky, SolveError> {
-    work.counts.symbolic_factorizations += 1;
-    let pairs = system.pattern().pairs();
-    SparseCholesky::analyze(system.n_free(), pairs, solver_options(system))
-}
-
-/// How systems of a scene are solved.
-fn solver_options(system: &System) -> Options<'_> {
-    Options {
-        positions: Some(blocks_of(&system.initial_positions()[..system.n_free()])),
-        threads: system.threads(),
-        precision: Precision::Auto,
-    }
-}
-
-/// Memory, in bytes, that the factorizations of an implicit method will take.
-///
-/// # Errors
-///
-/// If the size of the factor cannot be counted.
-pub fn factor_memory(system: &System) -> Result<u64, SolveError> {
-    let pairs = system.pattern().pairs();
-    SparseCholesky::memory(system.n_free(), pairs, solver_options(system))
-}
-
-/// Vectors as plain arrays.
-pub(crate) fn blocks_of(vectors: &[Vector3<f64>]) -> &[[f64; 3]] {
-    bytemuck::cast_slice(vectors)
-}
-
-/// Solves with the last factor, in place.
-pub(crate) fn solve(
-    cholesky: &mut SparseCholesky,
-    rhs: &mut [Vector3<f64>],
-    work: &mut Work,
-) -> Result<(), MethodError> {
-    work.counts.solves += 1;
-    timed(&mut work.phases.solve, || {
-        cholesky.solve_in_place(bytemuck::cast_slice_mut(rhs))
-    })
-    .map_err(MethodError::of)
-}
-
-/// Forces and matrix, factorized, with the given treatment of negative across
-/// stiffness; springs that are clamped on demand are counted.
-pub(crate) fn factorize(
-    system: &System,
-    cholesky: &mut SparseCholesky,
-    on_demand: OnDemand,
-    at: Evaluation<'_>,
-    out: &mut Linearization,
-    work: &mut Work,
-) -> Result<(), MethodError> {
-    let mut attempt = |projection, work: &mut Work| {
-        timed(&mut work.phases.assembly, || {
-            system.linearize(&Evaluation { projection, ..at }, out);
-        });
-        work.counts.factorizations += 1;
-        timed(&mut work.phases.factorization, || {
-            cholesky.factorize(out.matrix.diagonal(), out.matrix.off_diagonal())
-        })
-    };
-    let factorized = match on_demand {
-        OnDemand::Always => attempt(at.projection, work),
-        OnDemand::Clamp => attempt(Projection::None, work).or_else(|_| {
-            let clamped = system.springs().count_compressed(at.x, at.tensions);
-            work.counts.clamped_springs += clamped as u64;
-            attempt(Projection::Clamp, work)
-        }),
-    };
-    factorized.map_err(MethodError::of)
-}
-
-/// What a method with a matrix does for [`crate::Method::answer`], where S is
-/// the Hessian with its across stiffness from the given tensions, clamped. The
-/// matrix takes the place of the last one.
-pub(crate) fn answer(
-    system: &System,
-    (cholesky, out): (&mut SparseCholesky, &mut Linearization),
-    state: &State,
-    tensions: Option<&[f64]>,
-    time_scale: f64,
-    errors: &mut [Vector3<f64>],
-    work: &mut Work,
-) -> bool {
-    let at = Evaluation {
-        x: &state.x,
-        v: &state.v,
-        projection: Projection::Clamp,
-        tensions,
-        dashpot_tension: false,
-        weights: Weights::of_step(time_scale),
-    };
-    let factorized = factorize(system, cholesky, OnDemand::Always, at, out, work);
-    factorized
-        .and_then(|()| solve(cholesky, errors, work))
-        .is_ok()
 }

@@ -14,10 +14,15 @@ pub struct Counts {
     pub force_evaluations: u64,
     /// Orderings and symbolic factorizations.
     pub symbolic_factorizations: u64,
+    /// Evaluations of forces and matrix at once, each with a new matrix to be
+    /// solved with.
+    pub linearizations: u64,
     /// Numeric factorizations.
     pub factorizations: u64,
     /// Solutions of a linear system.
     pub solves: u64,
+    /// Iterations of conjugate gradients in these solutions.
+    pub solver_iterations: u64,
     /// Newton iterations.
     pub newton_iterations: u64,
     /// Springs whose negative across stiffness was clamped on demand, summed
@@ -52,8 +57,10 @@ impl AddAssign for Work {
         a.rejected_steps += b.rejected_steps;
         a.force_evaluations += b.force_evaluations;
         a.symbolic_factorizations += b.symbolic_factorizations;
+        a.linearizations += b.linearizations;
         a.factorizations += b.factorizations;
         a.solves += b.solves;
+        a.solver_iterations += b.solver_iterations;
         a.newton_iterations += b.newton_iterations;
         a.clamped_springs += b.clamped_springs;
         self.phases.assembly += other.phases.assembly;
@@ -72,8 +79,10 @@ impl Sub for Counts {
             rejected_steps: self.rejected_steps - earlier.rejected_steps,
             force_evaluations: self.force_evaluations - earlier.force_evaluations,
             symbolic_factorizations: self.symbolic_factorizations - earlier.symbolic_factorizations,
+            linearizations: self.linearizations - earlier.linearizations,
             factorizations: self.factorizations - earlier.factorizations,
             solves: self.solves - earlier.solves,
+            solver_iterations: self.solver_iterations - earlier.solver_iterations,
             newton_iterations: self.newton_iterations - earlier.newton_iterations,
             clamped_springs: self.clamped_springs - earlier.clamped_springs,
         }

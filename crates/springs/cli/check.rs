@@ -5,7 +5,7 @@ use super::{Ending, print};
 use anyhow::Context as _;
 use springs::assembly::compile;
 use springs::inspect::{count, inspect};
-use springs::step::{Pace, StepPlan, choose, factor_memory};
+use springs::step::{Pace, StepPlan, choose, solver_memory};
 use std::fmt::Write as _;
 
 #[derive(clap::Args)]
@@ -87,8 +87,12 @@ pub(crate) fn check(arguments: &CheckArguments) -> anyhow::Result<Ending> {
         system.n_free() + system.pattern().pairs().len()
     )?;
     if choice.has_matrix() {
-        let bytes = factor_memory(&system).context("the factor cannot be sized")?;
-        writeln!(text, "  factorizations need {:.1} MB", 1e-6 * bytes as f64)?;
+        let bytes = solver_memory(&system).context("the solver cannot be sized")?;
+        writeln!(
+            text,
+            "  the linear solver needs {:.1} MB",
+            1e-6 * bytes as f64
+        )?;
     }
     list(
         &mut text,

@@ -2,7 +2,7 @@
 
 use super::Advised;
 use springs::io::{Finding, SceneError, parse_scene, read_text};
-use springs::scene::{Method, Scene, StepControl, Tangent};
+use springs::scene::{Method, Scene, Solution, StepControl, Tangent};
 use springs::step::SetupError;
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -33,6 +33,9 @@ pub(crate) struct SceneArguments {
     /// Simulated time in seconds
     #[arg(long, value_name = "T", allow_negative_numbers = true)]
     duration: Option<f64>,
+    /// How precisely linear systems are solved by iteration: sufficient, strict
+    #[arg(long, value_name = "HOW")]
+    solution: Option<Solution>,
     /// Threads that may be used; results do not depend on it [default: all]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     threads: Option<u32>,
@@ -70,6 +73,7 @@ impl SceneArguments {
             settings.tangent = None;
         }
         settings.tangent = self.tangent.or(settings.tangent);
+        settings.solution = self.solution.unwrap_or(settings.solution);
         settings.threads = self.threads.map_or(settings.threads, |n| n as usize);
         settings.duration = self.duration.unwrap_or(settings.duration);
         if let Some(step) = self.step {

@@ -1,0 +1,207 @@
+//! Direct solution: one order of elimination, and factors that share it.
+
+use crate::SolveError;
+use crate::dissection::nested_dissection;
+use crate::fronts::{Elimination, Fronts};
+use crate::graph::minimum_degree;
+use crate::multifrontal::{Layout, Multifrontal};
+use crate::rows::{Blocks, Rows};
+use crate::single::{Single, Substitution};
+use crate::tree::Tree;
+use crate::{FactorSize, Options};
+
+/// The symbolic factorization P A Pᵀ = L Lᵀ of a pattern, and the factors made
+/// with it; each is allocated when it is first needed.
+pub(crate) struct Direct {
+    /// Block of the caller at each position of the elimination order.
+    order: Vec<usize>,
+    n_pairs: usize,
+    fronts: Fronts,
+    threads: usize,
+    size: FactorSize,
+    /// In place of all others where there is no fill.
+    tree: Option<Tree>,
+    double: Option<Double>,
+    single: Option<Single>,
+}
+
+/// A factor in double precision.
+struct Double {
+    factor: Multifrontal<f64>,
+    blocks: Vec<[f64; 6]>,
+    permuted: Vec<f64>,
+}
+
+impl Direct {
+    /// Orders and factorizes symbolically.
+    pub(crate) fn new(
+        n_blocks: usize,
+        pairs: &[[u32; 2]],
+        options: Options<'_>,
+    ) -> Result<Self, SolveError> {
+        let elimination = best_elimination(n_blocks, pairs, options.positions)?;
+        let fronts = Fronts::new(&elimination);
+        Ok(Self {
+            threads: options.threads,
+            n_pairs: pairs.len(),
+            tree: Tree::new(&elimination),
+            size: elimination.size(),
+            fronts,
+            order: elimination.order,
+            double: None,
+            single: None,
+        })
+    }
+
+    pub(crate) fn is_tree(&self) -> bool {
+        self.tree.is_some()
+    }
+
+    /// As counted on the graph of blocks.
+    pub(crate) fn size(&self) -> FactorSize {
+        self.size
+    }
+
+    /// Memory of the factor in double precision and what belongs to it, in
+    /// bytes; `None` if it cannot be counted.
+    pub(crate) fn double_memory(&self) -> Option<u64> {
+        if let Some(tree) = &self.tree {
+            return Some(tree.memory());
+        }
+        let size = Layout::new(&self.fronts)?.total_size(self.threads) as u64;
+        let blocks = (self.n_blocks() + self.n_pairs) as u64;
+        Some(8 * size + 48 * blocks + 24 * self.n_blocks() as u64)
+    }
+
+    /// The same in single precision.
+    pub(crate) fn single_memory(&self) -> Option<u64> {
+        let size = Layout::new(&self.fronts)?.total_size(self.threads) as u64;
+        Some(4 * size + Single::memory(self.n_blocks(), self.n_pairs))
+    }
+
+    fn n_blocks(&self) -> usize {
+        self.order.len()
+    }
+
+    fn too_large(&self) -> SolveError {
+        SolveError::TooLarge {
+            n_blocks: self.n_blocks(),
+        }
+    }
+
+    fn not_positive(&self, column: usize) -> SolveError {
+        SolveError::NotPositiveDefinite {
+            block: self.order[column],
+        }
+    }
+
+    /// Factorizes in double precision.
+    pub(crate) fn factorize(
+        &mut self,
+        diagonal: &[[f64; 6]],
+        off_diagonal: &[[f64; 6]],
+    ) -> Result<(), SolveError> {
+        if let Some(tree) = &mut self.tree {
+            let done = tree.factorize(diagonal, off_diagonal);
+            return done.map_err(|failure| self.not_positive(failure.column));
+        }
+        let n_blocks = self.n_blocks();
+        let double = self.allocate_double()?;
+        double.blocks[..n_blocks].copy_from_slice(diagonal);
+        double.blocks[n_blocks..].copy_from_slice(off_diagonal);
+        self.factorize_blocks()
+    }
+
+    /// The same with a matrix by rows.
+    pub(crate) fn factorize_rows(&mut self, matrix: &Rows) -> Result<(), SolveError> {
+        let n_blocks = self.n_blocks();
+        let double = self.allocate_double()?;
+        let (diagonals, pair_blocks) = double.blocks.split_at_mut(n_blocks);
+        diagonals.copy_from_slice(matrix.diagonal());
+        for (_, _, pair, values) in matrix.pairs() {
+            pair_blocks[pair] = *values;
+        }
+        self.factorize_blocks()
+    }
+
+    fn factorize_blocks(&mut self) -> Result<(), SolveError> {
+        let double = self.double.as_mut().expect("allocated");
+        let done = double.factor.factorize(&self.fronts, &double.blocks);
+        done.map_err(|failure| self.not_positive(failure.column))
+    }
+
+    fn allocate_double(&mut self) -> Result<&mut Double, SolveError> {
+        if self.double.is_none() {
+            let n_blocks = self.n_blocks();
+            let factor = Multifrontal::new(&self.fronts, self.threads);
+            self.double = Some(Double {
+                factor: factor.ok_or(self.too_large())?,
+                blocks: vec![[0.0; 6]; n_blocks + self.n_pairs],
+                permuted: vec![0.0; 3 * n_blocks],
+            });
+        }
+        Ok(self.double.as_mut().expect("allocated"))
+    }
+
+    /// Factorizes in single precision.
+    pub(crate) fn factorize_single(&mut self, matrix: &Rows) -> Result<(), SolveError> {
+        if self.single.is_none() {
+            let n_blocks = self.n_blocks();
+            let single = Single::new(&self.fronts, n_blocks, self.n_pairs, self.threads);
+            self.single = Some(single.ok_or(self.too_large())?);
+        }
+        let single = self.single.as_mut().expect("allocated");
+        let done = single.factorize(&self.fronts, matrix);
+        done.map_err(|failure| self.not_positive(failure.column))
+    }
+
+    /// The factor in single precision; there must have been one.
+    pub(crate) fn single(&mut self) -> Substitution<'_> {
+        Substitution {
+            single: self.single.as_mut().expect("a factor"),
+            fronts: &self.fronts,
+            order: &self.order,
+        }
+    }
+
+    /// Solves with the last factor in double precision; there must have been
+    /// one.
+    pub(crate) fn solve_in_place(&mut self, x: &mut Blocks) {
+        if let Some(tree) = &mut self.tree {
+            return tree.solve_in_place(x);
+        }
+        let double = self.double.as_mut().expect("a factor");
+        let (permuted, _) = double.permuted.as_chunks_mut::<3>();
+        for (target, &block) in permuted.iter_mut().zip(&self.order) {
+            *target = x[block];
+        }
+        double
+            .factor
+            .solve_in_place(&self.fronts, &mut double.permuted);
+        let (permuted, _) = double.permuted.as_chunks::<3>();
+        for (source, &block) in permuted.iter().zip(&self.order) {
+            x[block] = *source;
+        }
+    }
+}
+
+/// Factorizations below this many operations are not worth a second order.
+const WORTH_DISSECTION: f64 = 1e7;
+
+/// The order that takes the fewest operations.
+fn best_elimination(
+    n_blocks: usize,
+    pairs: &[[u32; 2]],
+    positions: Option<&[[f64; 3]]>,
+) -> Result<Elimination, SolveError> {
+    let minimum = Elimination::new(&minimum_degree(n_blocks, pairs)?, pairs)?;
+    let Some(positions) = positions.filter(|_| minimum.size().flops > WORTH_DISSECTION) else {
+        return Ok(minimum);
+    };
+    assert_eq!(positions.len(), n_blocks, "one position per block");
+    let dissected = Elimination::new(&nested_dissection(pairs, positions)?, pairs)?;
+    match dissected.size().flops < minimum.size().flops {
+        true => Ok(dissected),
+        false => Ok(minimum),
+    }
+}

@@ -1,0 +1,180 @@
+//! Which way a system is solved.
+
+use crate::FactorSize;
+use crate::direct::Direct;
+
+/// Which way systems are solved.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Route {
+    /// With a factor in double precision.
+    Double,
+    /// With a factor in single precision; conjugate gradients in double
+    /// precision, with the factor as preconditioner, bring each solution to
+    /// 1e-11.
+    Mixed,
+    /// By conjugate gradients without a factor, with a multilevel
+    /// preconditioner.
+    Iterative,
+    /// The cheapest, by counted operations and by the iterations that the last
+    /// matrices took.
+    Auto,
+}
+
+/// What something costs, in ns, roughly; only ratios matter.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Price {
+    /// To take a matrix.
+    pub matrix: f64,
+    /// To solve for a right-hand side.
+    pub solution: f64,
+    /// An iteration of conjugate gradients without a factor.
+    pub iteration: f64,
+}
+
+impl Price {
+    /// With a factor of such a size.
+    pub(crate) fn direct(size: FactorSize) -> Self {
+        Self {
+            matrix: 300.0 + 4.5 * size.entries + size.flops / 50.0,
+            solution: 100.0 + 1.2 * size.entries,
+            iteration: 0.0,
+        }
+    }
+
+    /// Of an iteration with a matrix of such a pattern.
+    pub(crate) fn of_iteration(n_blocks: usize, n_pairs: usize) -> f64 {
+        200.0 + 10.0 * n_pairs as f64 + 20.0 * n_blocks as f64
+    }
+}
+
+/// Chooses the route of each matrix. Clocks decide nothing: the same matrices
+/// are solved the same way on every machine.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Chooser {
+    asked: Route,
+    /// The route where iteration does not pay.
+    direct: Route,
+    direct_price: Price,
+    iteration: f64,
+    /// Iterations that the present matrix took so far.
+    iterations: f64,
+    is_iterative: bool,
+    /// Matrices until iteration is tried again, and how long the next such
+    /// pause will be.
+    pause: u32,
+    next_pause: u32,
+}
+
+/// Factorizations below this many operations are not worth single precision.
+const WORTH_MIXING: f64 = 1e9;
+/// Iterations that a matrix is expected to take.
+const USUAL_ITERATIONS: f64 = 40.0;
+/// A preconditioner is made in the time of so many iterations.
+const PREPARATION: f64 = 4.0;
+/// Iteration is given up when it has cost so many times a direct solution.
+const PATIENCE: f64 = 1.5;
+/// If iteration was asked for, it is given up late.
+const MOST_ITERATIONS: f64 = 1e4;
+const FIRST_PAUSE: u32 = 16;
+const LONGEST_PAUSE: u32 = 1024;
+
+impl Chooser {
+    pub(crate) fn new(n_blocks: usize, n_pairs: usize, direct: &Direct, asked: Route) -> Self {
+        let size = direct.size();
+        let mut chooser = Self {
+            asked: match direct.is_tree() {
+                true => Route::Double,
+                false => asked,
+            },
+            direct: match asked {
+                Route::Mixed => Route::Mixed,
+                Route::Auto | Route::Iterative if size.flops > WORTH_MIXING => Route::Mixed,
+                _ => Route::Double,
+            },
+            direct_price: Price::direct(size),
+            iteration: Price::of_iteration(n_blocks, n_pairs),
+            iterations: 0.0,
+            is_iterative: false,
+            pause: 0,
+            next_pause: FIRST_PAUSE,
+        };
+        if chooser.asked == Route::Auto && !chooser.is_cheap(USUAL_ITERATIONS) {
+            chooser.asked = chooser.direct;
+        }
+        chooser
+    }
+
+    /// Whether so many iterations cost less than a direct solution.
+    fn is_cheap(&self, iterations: f64) -> bool {
+        let direct = self.direct_price.matrix + self.direct_price.solution;
+        (PREPARATION + iterations) * self.iteration < direct
+    }
+
+    /// Whether iteration without a factor is ever wanted.
+    pub(crate) fn may_iterate(&self) -> bool {
+        matches!(self.asked, Route::Iterative | Route::Auto)
+    }
+
+    /// Whether a factor in single precision is ever wanted.
+    pub(crate) fn may_mix(&self) -> bool {
+        self.direct == Route::Mixed
+    }
+
+    /// The first route, and that after a pause.
+    pub(crate) fn first(&self) -> Route {
+        match self.may_iterate() {
+            true => Route::Iterative,
+            false => self.direct,
+        }
+    }
+
+    /// The route where iteration does not converge.
+    pub(crate) fn direct(&self) -> Route {
+        self.direct
+    }
+
+    pub(crate) fn price(&self) -> Price {
+        match self.may_iterate() {
+            true => Price {
+                matrix: PREPARATION * self.iteration,
+                solution: 0.0,
+                iteration: self.iteration,
+            },
+            false => self.direct_price,
+        }
+    }
+
+    /// The route of the next matrix.
+    pub(crate) fn next(&mut self) -> Route {
+        if self.is_iterative && self.asked == Route::Auto {
+            if self.is_cheap(self.iterations) {
+                self.next_pause = FIRST_PAUSE;
+            } else {
+                self.pause = self.next_pause;
+                self.next_pause = (2 * self.next_pause).min(LONGEST_PAUSE);
+            }
+        }
+        let route = match self.pause {
+            0 => self.first(),
+            _ => self.direct,
+        };
+        self.pause = self.pause.saturating_sub(1);
+        self.iterations = 0.0;
+        self.is_iterative = route == Route::Iterative;
+        route
+    }
+
+    /// Takes note of a solution by iteration.
+    pub(crate) fn record(&mut self, iterations: u64) {
+        self.iterations += iterations as f64;
+    }
+
+    /// Iterations after which a solution is given up.
+    pub(crate) fn most_iterations(&self) -> usize {
+        let direct = self.direct_price.matrix + self.direct_price.solution;
+        match self.asked {
+            Route::Auto => (PATIENCE * direct / self.iteration).ceil() as usize,
+            _ => MOST_ITERATIONS as usize,
+        }
+    }
+}

@@ -1,0 +1,649 @@
+//! Systems on a pattern analyzed once, solved directly or by iteration.
+
+use crate::conjugate_gradients::{ConjugateGradients, Ending};
+use crate::direct::Direct;
+use crate::multilevel::Multilevel;
+use crate::route::Chooser;
+use crate::rows::Rows;
+use crate::{Counts, Options, Price, Route, SolveError};
+
+/// A solver of A x = b with matrices of one pattern.
+///
+/// ```
+/// use springs_solver::{Options, Solver};
+///
+/// // [4I  −I; −I  4I] x = b
+/// let mut solver = Solver::analyze(2, &[[0, 1]], Options::default())?;
+/// let identity = |s: f64| [s, 0.0, 0.0, s, 0.0, s];
+/// solver.set_matrix(&[identity(4.0); 2], &[identity(-1.0)])?;
+/// let mut x = [3.0; 6];
+/// solver.solve_in_place(&mut x, 1e-11)?;
+/// assert!(x.iter().all(|x| (x - 1.0).abs() < 1e-15));
+/// # Ok::<(), springs_solver::SolveError>(())
+/// ```
+pub struct Solver {
+    n_blocks: usize,
+    n_pairs: usize,
+    direct: Direct,
+    /// Allocated where conjugate gradients may be wanted.
+    iterative: Option<Iterative>,
+    /// How the present matrix is solved.
+    now: Route,
+    chooser: Chooser,
+    counts: Counts,
+}
+
+/// What conjugate gradients take.
+struct Iterative {
+    matrix: Rows,
+    gradients: ConjugateGradients,
+    solution: Vec<[f64; 3]>,
+    /// Not needed where the factor in single precision is the preconditioner.
+    multilevel: Option<Multilevel>,
+}
+
+/// Relative accuracy of a solution with a factor in single precision; another
+/// digit costs next to nothing there.
+const MIXED_ACCURACY: f64 = 1e-11;
+/// A factor in double precision is better than more iterations than this with
+/// one in single precision.
+const MOST_MIXED_ITERATIONS: usize = 24;
+
+impl Solver {
+    /// Orders and factorizes symbolically, and decides on the route to begin
+    /// with.
+    ///
+    /// `pairs` are the coupled blocks, each pair once, in the order in which
+    /// [`Self::set_matrix`] will get their values.
+    ///
+    /// # Errors
+    ///
+    /// If a pair is not two different blocks below `n_blocks` or stands twice,
+    /// or if there is not enough memory.
+    ///
+    /// # Panics
+    ///
+    /// If there are positions, but not one per block.
+    pub fn analyze(
+        n_blocks: usize,
+        pairs: &[[u32; 2]],
+        options: Options<'_>,
+    ) -> Result<Self, SolveError> {
+        let direct = Direct::new(n_blocks, pairs, options)?;
+        let chooser = Chooser::new(n_blocks, pairs.len(), &direct, options.route);
+        let iterative = match chooser.may_iterate() || chooser.may_mix() {
+            true => Some(Iterative::new(n_blocks, pairs, &chooser, options.threads)?),
+            false => None,
+        };
+        Ok(Self {
+            n_blocks,
+            n_pairs: pairs.len(),
+            direct,
+            iterative,
+            now: Route::Double,
+            chooser,
+            counts: Counts::default(),
+        })
+    }
+
+    /// What systems with such a pattern will cost, roughly.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::analyze`].
+    ///
+    /// # Panics
+    ///
+    /// If there are positions, but not one per block.
+    pub fn price(
+        n_blocks: usize,
+        pairs: &[[u32; 2]],
+        options: Options<'_>,
+    ) -> Result<Price, SolveError> {
+        let direct = Direct::new(n_blocks, pairs, options)?;
+        let chooser = Chooser::new(n_blocks, pairs.len(), &direct, options.route);
+        Ok(chooser.price())
+    }
+
+    /// Memory, in bytes, that a solver with these options will begin with. What
+    /// iteration takes is allocated for a moment to count it; factors are not.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::analyze`].
+    ///
+    /// # Panics
+    ///
+    /// If there are positions, but not one per block.
+    pub fn memory(
+        n_blocks: usize,
+        pairs: &[[u32; 2]],
+        options: Options<'_>,
+    ) -> Result<u64, SolveError> {
+        let solver = Self::analyze(n_blocks, pairs, options)?;
+        let iterative = solver.iterative.as_ref().map_or(Some(0), Iterative::memory);
+        let factor = match solver.chooser.first() {
+            Route::Iterative => Some(0),
+            Route::Mixed => solver.direct.single_memory(),
+            Route::Double | Route::Auto => solver.direct.double_memory(),
+        };
+        let sum = iterative.and_then(|iterative| Some(iterative + factor?));
+        sum.ok_or(SolveError::TooLarge { n_blocks })
+    }
+
+    /// Number of block rows.
+    pub fn n_blocks(&self) -> usize {
+        self.n_blocks
+    }
+
+    /// What was done so far.
+    pub fn counts(&self) -> Counts {
+        self.counts
+    }
+
+    /// Takes the matrix with the given blocks, each packed as
+    /// (xx, xy, xz, yy, yz, zz), and factorizes it or prepares iterations.
+    ///
+    /// Where single precision finds the matrix indefinite, double precision
+    /// decides.
+    ///
+    /// # Errors
+    ///
+    /// If the matrix is found not to be positive definite; there is then no
+    /// matrix until the next success.
+    ///
+    /// # Panics
+    ///
+    /// If there is not one diagonal block per block row and one off-diagonal
+    /// block per pair.
+    pub fn set_matrix(
+        &mut self,
+        diagonal: &[[f64; 6]],
+        off_diagonal: &[[f64; 6]],
+    ) -> Result<(), SolveError> {
+        assert_eq!(diagonal.len(), self.n_blocks, "one diagonal block per row");
+        assert_eq!(off_diagonal.len(), self.n_pairs, "one block per pair");
+        self.now = self.chooser.next();
+        let Some(iterative) = self
+            .iterative
+            .as_mut()
+            .filter(|_| self.now != Route::Double)
+        else {
+            self.counts.factorizations += 1;
+            return self.direct.factorize(diagonal, off_diagonal);
+        };
+        iterative.matrix.set(diagonal, off_diagonal);
+        match self.now {
+            Route::Iterative => {
+                let multilevel = iterative.multilevel.as_mut().expect("made with the route");
+                multilevel.set(&iterative.matrix)
+            }
+            _ => self.factorize(),
+        }
+    }
+
+    /// Factorizes the matrix by rows: in single precision, if that is the route,
+    /// or else in double.
+    fn factorize(&mut self) -> Result<(), SolveError> {
+        let iterative = self.iterative.as_ref().expect("the matrix by rows");
+        if self.now == Route::Mixed {
+            self.counts.factorizations += 1;
+            match self.direct.factorize_single(&iterative.matrix) {
+                Err(SolveError::NotPositiveDefinite { .. }) => self.now = Route::Double,
+                done => return done,
+            }
+        }
+        self.counts.factorizations += 1;
+        self.direct.factorize_rows(&iterative.matrix)
+    }
+
+    /// Replaces b in `rhs` by the solution of A x = b with the matrix of the
+    /// last successful [`Self::set_matrix`].
+    ///
+    /// `accuracy` is the part of the solution, in the norm of the matrix, that
+    /// an iteration may leave as error; direct solutions are right to rounding.
+    /// However loose it is, the residuals of iterations add up to zero as
+    /// precisely as rounding allows: no momentum is made.
+    ///
+    /// # Errors
+    ///
+    /// If the matrix turns out not to be positive definite; `rhs` is then as it
+    /// was.
+    ///
+    /// # Panics
+    ///
+    /// If `rhs` does not have three entries per block row.
+    pub fn solve_in_place(&mut self, rhs: &mut [f64], accuracy: f64) -> Result<(), SolveError> {
+        let (blocks, rest) = rhs.as_chunks_mut::<3>();
+        assert!(
+            rest.is_empty() && blocks.len() == self.n_blocks,
+            "three entries per block row"
+        );
+        self.counts.solutions += 1;
+        if self.now == Route::Iterative {
+            let most = self.chooser.most_iterations();
+            let (ending, iterations) = self.iterate(blocks, accuracy, most);
+            self.chooser.record(iterations);
+            match ending {
+                Ending::Converged => return Ok(()),
+                Ending::Indefinite { block } => {
+                    return Err(SolveError::NotPositiveDefinite { block });
+                }
+                Ending::Stalled => {
+                    self.now = self.chooser.direct();
+                    self.factorize()?;
+                }
+            }
+        }
+        if self.now == Route::Mixed {
+            let (ending, _) = self.iterate(blocks, MIXED_ACCURACY, MOST_MIXED_ITERATIONS);
+            if ending == Ending::Converged {
+                return Ok(());
+            }
+            self.now = Route::Double;
+            self.factorize()?;
+        }
+        self.direct.solve_in_place(blocks);
+        Ok(())
+    }
+
+    /// Conjugate gradients with the preconditioner of the route; b stays as it
+    /// is unless they converge.
+    fn iterate(
+        &mut self,
+        b: &mut [[f64; 3]],
+        accuracy: f64,
+        most_iterations: usize,
+    ) -> (Ending, u64) {
+        let Iterative {
+            matrix,
+            gradients,
+            solution,
+            multilevel,
+        } = self.iterative.as_mut().expect("made with the route");
+        let before = gradients.iterations;
+        gradients.residual.copy_from_slice(b);
+        let ending = match (self.now, multilevel) {
+            (Route::Iterative, Some(multilevel)) => {
+                let ending =
+                    gradients.solve(matrix, multilevel, accuracy, most_iterations, solution);
+                if ending == Ending::Converged {
+                    multilevel.correct(gradients.residual_after_correction(matrix), solution);
+                }
+                ending
+            }
+            _ => {
+                let mut single = self.direct.single();
+                gradients.solve(matrix, &mut single, accuracy, most_iterations, solution)
+            }
+        };
+        if ending == Ending::Converged {
+            b.copy_from_slice(solution);
+        }
+        let iterations = gradients.iterations - before;
+        self.counts.iterations += iterations;
+        (ending, iterations)
+    }
+}
+
+impl Iterative {
+    fn new(
+        n_blocks: usize,
+        pairs: &[[u32; 2]],
+        chooser: &Chooser,
+        threads: usize,
+    ) -> Result<Self, SolveError> {
+        Ok(Self {
+            matrix: Rows::new(n_blocks, pairs),
+            gradients: ConjugateGradients::new(n_blocks),
+            solution: vec![[0.0; 3]; n_blocks],
+            multilevel: match chooser.may_iterate() {
+                true => Some(Multilevel::new(n_blocks, pairs, threads)?),
+                false => None,
+            },
+        })
+    }
+
+    /// In bytes; `None` if it cannot be counted.
+    fn memory(&self) -> Option<u64> {
+        let n_blocks = self.solution.len();
+        let multilevel = self.multilevel.as_ref();
+        let rows = Rows::memory(n_blocks, self.matrix.n_pairs());
+        let vectors = ConjugateGradients::memory(n_blocks) + 24 * n_blocks as u64;
+        Some(rows + vectors + multilevel.map_or(Some(0), Multilevel::memory)?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{DMatrix, DVector};
+
+    /// A positive definite matrix: for every pair a block B that couples as
+    /// [[B, −B], [−B, B]], and the identity.
+    fn matrix(n_blocks: usize, pairs: &[[u32; 2]]) -> (Vec<[f64; 6]>, Vec<[f64; 6]>) {
+        let mut diagonal = vec![[1.0, 0.0, 0.0, 1.0, 0.0, 1.0]; n_blocks];
+        let mut off_diagonal = Vec::new();
+        for (index, pair) in pairs.iter().enumerate() {
+            let u = [1.0, (index as f64).sin(), (2.0 * index as f64).cos()];
+            let k = 10.0 + index as f64;
+            let block =
+                [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|(r, c)| k * u[r] * u[c]);
+            for &end in pair {
+                for (entry, value) in diagonal[end as usize].iter_mut().zip(block) {
+                    *entry += value;
+                }
+            }
+            off_diagonal.push(block.map(|value| -value));
+        }
+        (diagonal, off_diagonal)
+    }
+
+    fn dense(pairs: &[[u32; 2]], diagonal: &[[f64; 6]], off_diagonal: &[[f64; 6]]) -> DMatrix<f64> {
+        let n = 3 * diagonal.len();
+        let mut dense = DMatrix::zeros(n, n);
+        let mut put = |row: usize, column: usize, block: &[f64; 6]| {
+            for r in 0..3 {
+                for c in 0..3 {
+                    let entry = [[0, 1, 2], [1, 3, 4], [2, 4, 5]][r][c];
+                    dense[(3 * row + r, 3 * column + c)] = block[entry];
+                }
+            }
+        };
+        for (row, block) in diagonal.iter().enumerate() {
+            put(row, row, block);
+        }
+        for (&[a, b], block) in pairs.iter().zip(off_diagonal) {
+            put(a as usize, b as usize, block);
+            put(b as usize, a as usize, block);
+        }
+        dense
+    }
+
+    fn grid(n: u32) -> Vec<[u32; 2]> {
+        let mut pairs = Vec::new();
+        for j in 0..n {
+            for i in 0..n {
+                let node = j * n + i;
+                if i + 1 < n {
+                    pairs.push([node + 1, node]);
+                }
+                if j + 1 < n {
+                    pairs.push([node, node + n]);
+                }
+            }
+        }
+        pairs
+    }
+
+    fn chain(n: u32) -> Vec<[u32; 2]> {
+        (1..n).map(|node| [node - 1, node]).collect()
+    }
+
+    fn complete(n: u32) -> Vec<[u32; 2]> {
+        (0..n).flat_map(|b| (0..b).map(move |a| [a, b])).collect()
+    }
+
+    fn tree(n: u32) -> Vec<[u32; 2]> {
+        (1..n).map(|node| [(node - 1) / 3, node]).collect()
+    }
+
+    #[test]
+    fn solutions_equal_dense_ones() {
+        let cases = [
+            (1, vec![]),
+            (40, chain(40)),
+            (50, tree(50)),
+            (64, grid(8)),
+            (900, grid(30)),
+            // One front of several tiles.
+            (150, complete(150)),
+        ];
+        for (n_blocks, pairs) in cases {
+            let (diagonal, off_diagonal) = matrix(n_blocks, &pairs);
+            let dense = dense(&pairs, &diagonal, &off_diagonal);
+            let expected = DVector::from_fn(3 * n_blocks, |row, _| (row as f64).cos());
+            let mut x: Vec<f64> = (&dense * &expected).iter().copied().collect();
+            let mut solver = Solver::analyze(n_blocks, &pairs, Options::default()).unwrap();
+            // Twice, to see that nothing is left over from the first time.
+            for _ in 0..2 {
+                solver.set_matrix(&diagonal, &off_diagonal).unwrap();
+            }
+            solver.solve_in_place(&mut x, 1e-11).unwrap();
+            let error = (DVector::from_vec(x) - expected).amax();
+            // No eigenvalue is below 1, so this is a bound of the condition.
+            let condition = dense
+                .row_iter()
+                .map(|row| row.lp_norm(1))
+                .fold(0.0, f64::max);
+            let rounding = 8.0 * f64::EPSILON * condition;
+            assert!(
+                error < rounding,
+                "{n_blocks} blocks: {error:e} > {rounding:e}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_non_positive_pivot_names_its_block() {
+        for (n_blocks, pairs) in [(30, chain(30)), (49, grid(7))] {
+            let (diagonal, off_diagonal) = matrix(n_blocks, &pairs);
+            let mut solver = Solver::analyze(n_blocks, &pairs, Options::default()).unwrap();
+            for block in [0, 7, n_blocks - 1] {
+                for entry in [0, 3, 5] {
+                    for bad in [-1e9, f64::NAN] {
+                        let mut diagonal = diagonal.clone();
+                        diagonal[block][entry] = bad;
+                        let error = solver.set_matrix(&diagonal, &off_diagonal).unwrap_err();
+                        if bad < 0.0 {
+                            assert_eq!(error, SolveError::NotPositiveDefinite { block });
+                        }
+                    }
+                }
+            }
+            assert!(solver.set_matrix(&diagonal, &off_diagonal).is_ok());
+        }
+    }
+
+    #[test]
+    fn the_size_of_the_factor_is_counted() {
+        // A chain: each of the columns but the last has two blocks.
+        let size = Direct::new(10, &chain(10), Options::default())
+            .unwrap()
+            .size();
+        assert_eq!(size.flops, 9.0 * 3.0 * 36.0 + 3.0 * 9.0);
+        assert_eq!(size.entries, 9.0 * 18.0 + 9.0);
+    }
+
+    /// Also at a condition number that single precision alone cannot have.
+    #[test]
+    fn every_route_solves_as_well_as_double_precision() {
+        let pairs = grid(30);
+        for (route, stiffness) in [
+            (Route::Mixed, 1.0),
+            (Route::Mixed, 1e4),
+            (Route::Mixed, 1e8),
+            (Route::Iterative, 1.0),
+            (Route::Iterative, 1e4),
+        ] {
+            let options = Options {
+                route,
+                ..Options::default()
+            };
+            let (mut diagonal, mut off_diagonal) = matrix(900, &pairs);
+            for block in &mut off_diagonal {
+                *block = block.map(|value| stiffness * value);
+            }
+            for block in &mut diagonal {
+                let [xx, xy, xz, yy, yz, zz] = block.map(|value| stiffness * value);
+                *block = [xx + 1.0, xy, xz, yy + 1.0, yz, zz + 1.0];
+            }
+            let expected: Vec<f64> = (0..2700).map(|row| f64::from(row).cos()).collect();
+            let product =
+                dense(&pairs, &diagonal, &off_diagonal) * DVector::from_column_slice(&expected);
+            let mut x: Vec<f64> = product.iter().copied().collect();
+            let mut solver = Solver::analyze(900, &pairs, options).unwrap();
+            solver.set_matrix(&diagonal, &off_diagonal).unwrap();
+            solver.solve_in_place(&mut x, 1e-11).unwrap();
+            let dense = dense(&pairs, &diagonal, &off_diagonal);
+            let expected = DVector::from_vec(expected);
+            let error = DVector::from_vec(x) - &expected;
+            let norm = |x: &DVector<f64>| x.dot(&(&dense * x)).sqrt();
+            let relative = norm(&error) / norm(&expected);
+            assert!(relative < 1e-10, "{route:?}, {stiffness:e}: {relative:e}");
+        }
+    }
+
+    /// An eigenvalue far below zero, one just below, a negative diagonal.
+    #[test]
+    fn iteration_finds_indefinite_matrices() {
+        let pairs = grid(20);
+        let options = Options {
+            route: Route::Iterative,
+            ..Options::default()
+        };
+        let mut solver = Solver::analyze(400, &pairs, options).unwrap();
+        let (sound, off_diagonal) = matrix(400, &pairs);
+        let b: Vec<f64> = (0..1200).map(|row| f64::from(row).cos()).collect();
+        for (shift, is_definite) in [(0.0, true), (-0.9, true), (-1.5, false), (-1e4, false)] {
+            let mut diagonal = sound.clone();
+            for block in &mut diagonal {
+                for entry in [0, 3, 5] {
+                    block[entry] += shift;
+                }
+            }
+            let mut x = b.clone();
+            let solved = solver
+                .set_matrix(&diagonal, &off_diagonal)
+                .and_then(|()| solver.solve_in_place(&mut x, 1e-11));
+            assert_eq!(solved.is_ok(), is_definite, "{shift}");
+            assert!(is_definite || x == b, "b must be as it was");
+        }
+    }
+
+    /// Iteration that takes too long is given up, for a while.
+    #[test]
+    fn stalled_iteration_falls_back_to_a_factor() {
+        let side: u32 = 16;
+        let at = |x, y, z| (side * x + y) * side + z;
+        let mut pairs = Vec::new();
+        let mut positions = Vec::new();
+        for (x, y, z) in (0..side.pow(3)).map(|k| (k / side / side, k / side % side, k % side)) {
+            positions.push([x, y, z].map(f64::from));
+            let ends = [(x + 1, y, z), (x, y + 1, z), (x, y, z + 1)];
+            let inside = ends.into_iter().filter(|&(x, y, z)| x.max(y).max(z) < side);
+            pairs.extend(inside.map(|(a, b, c)| [at(x, y, z), at(a, b, c)]));
+        }
+        let n_blocks = positions.len();
+        let options = Options {
+            positions: Some(&positions),
+            route: Route::Auto,
+            threads: 1,
+        };
+        let mut solver = Solver::analyze(n_blocks, &pairs, options).unwrap();
+        // Springs without any stiffness across: hardly anything holds them.
+        let (mut diagonal, mut off_diagonal) = matrix(n_blocks, &pairs);
+        for block in diagonal.iter_mut().chain(&mut off_diagonal) {
+            *block = block.map(|entry| 1e9 * entry);
+        }
+        for block in &mut diagonal {
+            for entry in [0, 3, 5] {
+                block[entry] += 1.0 - 1e9;
+            }
+        }
+        let b: Vec<f64> = (0..3 * n_blocks).map(|row| (row as f64).cos()).collect();
+        let solve = |solver: &mut Solver| {
+            solver.set_matrix(&diagonal, &off_diagonal).unwrap();
+            let mut x = b.clone();
+            solver.solve_in_place(&mut x, 1e-11).unwrap();
+            x
+        };
+        let x = solve(&mut solver);
+        let first = solver.counts();
+        assert!(
+            first.iterations > 0 && first.factorizations > 0,
+            "{first:?}"
+        );
+        assert_eq!(solve(&mut solver), x);
+        let second = solver.counts();
+        assert_eq!(second.iterations, first.iterations, "no second attempt");
+    }
+
+    /// Single precision takes it for definite; double precision knows better.
+    #[test]
+    fn double_precision_decides_what_is_definite() {
+        let options = Options {
+            route: Route::Mixed,
+            ..Options::default()
+        };
+        let mut solver = Solver::analyze(2, &[[0, 1]], options).unwrap();
+        // [1 1; 1 1 + e] in each direction, e = ±1e-9.
+        let matrix = |e: f64| {
+            let identity = |s: f64| [s, 0.0, 0.0, s, 0.0, s];
+            ([identity(1.0), identity(1.0 + e)], [identity(1.0)])
+        };
+        let (diagonal, off_diagonal) = matrix(1e-9);
+        solver.set_matrix(&diagonal, &off_diagonal).unwrap();
+        let (diagonal, off_diagonal) = matrix(-1e-9);
+        assert!(solver.set_matrix(&diagonal, &off_diagonal).is_err());
+    }
+
+    #[test]
+    fn any_number_of_threads_gives_the_same_bits() {
+        let mut pairs = grid(60);
+        // A corner where everything is coupled: a front of several tiles.
+        let corner = complete(150)
+            .into_iter()
+            .filter(|pair| !pairs.contains(pair));
+        let corner: Vec<[u32; 2]> = corner.collect();
+        pairs.retain(|pair| !corner.contains(&[pair[1], pair[0]]));
+        pairs.extend(corner);
+        let (diagonal, off_diagonal) = matrix(3600, &pairs);
+        let positions: Vec<[f64; 3]> = (0..3600)
+            .map(|block| [f64::from(block % 60), f64::from(block / 60), 0.0])
+            .collect();
+        let solution = |route, threads| {
+            let options = Options {
+                positions: Some(&positions),
+                threads,
+                route,
+            };
+            let mut solver = Solver::analyze(3600, &pairs, options).unwrap();
+            solver.set_matrix(&diagonal, &off_diagonal).unwrap();
+            let mut x: Vec<f64> = (0..3 * 3600).map(|row| f64::from(row).sin()).collect();
+            solver.solve_in_place(&mut x, 1e-11).unwrap();
+            x
+        };
+        for route in [Route::Double, Route::Mixed, Route::Iterative] {
+            let alone = solution(route, 1);
+            for threads in [2, 3, 8] {
+                let together = solution(route, threads);
+                assert_eq!(alone, together, "{route:?}, {threads} threads");
+            }
+        }
+    }
+
+    #[test]
+    fn an_empty_system_is_solved() {
+        let mut solver = Solver::analyze(0, &[], Options::default()).unwrap();
+        solver.set_matrix(&[], &[]).unwrap();
+        solver.solve_in_place(&mut [], 1e-11).unwrap();
+    }
+
+    #[test]
+    fn bad_patterns_are_refused() {
+        let error =
+            |pairs: &[[u32; 2]]| Solver::analyze(3, pairs, Options::default()).err().unwrap();
+        let (pair, block, n_blocks) = (1, 3, 3);
+        assert_eq!(
+            error(&[[0, 1], [3, 1]]),
+            SolveError::NoSuchBlock {
+                pair,
+                block,
+                n_blocks
+            }
+        );
+        assert_eq!(error(&[[0, 1], [2, 2]]), SolveError::RepeatedPair { pair });
+        assert_eq!(error(&[[0, 1], [1, 0]]), SolveError::RepeatedPair { pair });
+    }
+}

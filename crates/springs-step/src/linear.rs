@@ -1,0 +1,211 @@
+//! The linear systems of methods with a matrix.
+
+use crate::work::timed;
+use crate::{MethodError, State, Work};
+use nalgebra::Vector3;
+use springs_assembly::{Evaluation, Linearization, Projection, System, Weights};
+use springs_scene::Solution;
+use springs_solver::{Options, Price, Route, SolveError, Solver};
+
+/// Forces and matrix of a method at one state, and the solver of their systems.
+pub(crate) struct LinearSystem {
+    solver: Solver,
+    out: Linearization,
+    solution: Solution,
+    setup: Work,
+}
+
+/// What becomes of negative across stiffness.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum OnDemand {
+    /// It stays, but is clamped if the matrix turns out indefinite.
+    Clamp,
+    /// Always the projection that is given.
+    Always,
+}
+
+/// A system to be assembled and solved.
+pub(crate) struct Linearized<'a> {
+    pub(crate) at: Evaluation<'a>,
+    pub(crate) on_demand: OnDemand,
+    pub(crate) purpose: Purpose,
+}
+
+/// What a solution is for, which says how precise it must be. Only iterations
+/// make a difference of it: direct solutions are right to rounding.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Purpose {
+    /// The result of a step of order 1 or 2.
+    Step,
+    /// A result of high order.
+    HighOrder,
+    /// A correction that is checked afterwards.
+    Correction,
+    /// An estimate of an error.
+    Estimate,
+}
+
+impl Purpose {
+    /// The part of the solution that may be wrong.
+    fn accuracy(self, solution: Solution) -> f64 {
+        match (self, solution) {
+            (Self::Estimate, _) => 1e-2,
+            (_, Solution::Strict) | (Self::HighOrder, _) => 1e-11,
+            (Self::Correction, Solution::Sufficient) => 1e-3,
+            (Self::Step, Solution::Sufficient) => 1e-6,
+        }
+    }
+}
+
+/// How systems of a scene are solved.
+fn options(system: &System) -> Options<'_> {
+    Options {
+        positions: Some(blocks_of(&system.initial_positions()[..system.n_free()])),
+        threads: system.threads(),
+        route: Route::Auto,
+    }
+}
+
+/// Memory, in bytes, that the solver of an implicit method begins with.
+///
+/// # Errors
+///
+/// If it cannot be counted.
+pub fn solver_memory(system: &System) -> Result<u64, SolveError> {
+    Solver::memory(system.n_free(), system.pattern().pairs(), options(system))
+}
+
+/// What systems of a scene will cost, roughly.
+pub(crate) fn price(system: &System) -> Result<Price, SolveError> {
+    Solver::price(system.n_free(), system.pattern().pairs(), options(system))
+}
+
+impl LinearSystem {
+    /// Orders and factorizes symbolically.
+    pub(crate) fn new(system: &System) -> Result<Self, SolveError> {
+        let mut setup = Work::default();
+        setup.counts.symbolic_factorizations += 1;
+        let pairs = system.pattern().pairs();
+        Ok(Self {
+            solver: Solver::analyze(system.n_free(), pairs, options(system))?,
+            out: system.linearization(),
+            solution: system.solution(),
+            setup,
+        })
+    }
+
+    /// What its construction took.
+    pub(crate) fn setup(&self) -> Work {
+        self.setup
+    }
+
+    /// What was linearized last.
+    pub(crate) fn linearization(&mut self) -> &mut Linearization {
+        &mut self.out
+    }
+
+    /// Forces and matrix; then `fill` makes the right-hand side of them in `x`,
+    /// which becomes the solution. Springs that are clamped on demand
+    /// are counted.
+    pub(crate) fn linearize_and_solve(
+        &mut self,
+        system: &System,
+        Linearized {
+            at,
+            on_demand,
+            purpose,
+        }: Linearized<'_>,
+        mut fill: impl FnMut(&mut Linearization, &mut [Vector3<f64>]),
+        x: &mut [Vector3<f64>],
+        work: &mut Work,
+    ) -> Result<(), MethodError> {
+        let first = match on_demand {
+            OnDemand::Clamp => Projection::None,
+            OnDemand::Always => at.projection,
+        };
+        let mut attempt = |projection, work: &mut Work| {
+            self.linearize(system, Evaluation { projection, ..at }, work)?;
+            timed(&mut work.phases.assembly, || fill(&mut self.out, x));
+            self.solve(x, purpose, work)
+        };
+        match attempt(first, work) {
+            Err(_) if on_demand == OnDemand::Clamp => {
+                let clamped = system.springs().count_compressed(at.x, at.tensions);
+                work.counts.clamped_springs += clamped as u64;
+                attempt(Projection::Clamp, work)
+            }
+            done => done,
+        }
+    }
+
+    /// Forces and matrix, ready for solutions.
+    pub(crate) fn linearize(
+        &mut self,
+        system: &System,
+        at: Evaluation<'_>,
+        work: &mut Work,
+    ) -> Result<(), MethodError> {
+        work.counts.linearizations += 1;
+        timed(&mut work.phases.assembly, || {
+            system.linearize(&at, &mut self.out);
+        });
+        let before = self.solver.counts();
+        let matrix = &self.out.matrix;
+        let done = timed(&mut work.phases.factorization, || {
+            self.solver
+                .set_matrix(matrix.diagonal(), matrix.off_diagonal())
+        });
+        work.counts.factorizations += self.solver.counts().factorizations - before.factorizations;
+        done.map_err(MethodError::of)
+    }
+
+    /// Solves with the last matrix, in place.
+    pub(crate) fn solve(
+        &mut self,
+        rhs: &mut [Vector3<f64>],
+        purpose: Purpose,
+        work: &mut Work,
+    ) -> Result<(), MethodError> {
+        let before = self.solver.counts();
+        let accuracy = purpose.accuracy(self.solution);
+        let done = timed(&mut work.phases.solve, || {
+            let rhs = bytemuck::cast_slice_mut(rhs);
+            self.solver.solve_in_place(rhs, accuracy)
+        });
+        let after = self.solver.counts();
+        work.counts.solves += 1;
+        work.counts.factorizations += after.factorizations - before.factorizations;
+        work.counts.solver_iterations += after.iterations - before.iterations;
+        done.map_err(MethodError::of)
+    }
+
+    /// What a method with a matrix does for [`crate::Method::answer`], where S
+    /// is the Hessian with its across stiffness from the given tensions,
+    /// clamped. The matrix takes the place of the last one.
+    pub(crate) fn answer(
+        &mut self,
+        system: &System,
+        state: &State,
+        tensions: Option<&[f64]>,
+        time_scale: f64,
+        errors: &mut [Vector3<f64>],
+        work: &mut Work,
+    ) -> bool {
+        let at = Evaluation {
+            x: &state.x,
+            v: &state.v,
+            projection: Projection::Clamp,
+            tensions,
+            dashpot_tension: false,
+            weights: Weights::of_step(time_scale),
+        };
+        self.linearize(system, at, work)
+            .and_then(|()| self.solve(errors, Purpose::Estimate, work))
+            .is_ok()
+    }
+}
+
+/// Vectors as plain arrays.
+fn blocks_of(vectors: &[Vector3<f64>]) -> &[[f64; 3]] {
+    bytemuck::cast_slice(vectors)
+}

@@ -1,0 +1,145 @@
+//! Systems solved by iteration: as well as directly where that was asked for,
+//! and well enough for the method where not.
+
+use springs::assembly::{Evaluation, Projection, Weights, compile};
+use springs::scene::generate::{Material, block, cloth};
+use springs::scene::{Method, Scene, Solution, StepControl, Vector3};
+use springs::solver::{Options, Solver};
+use springs::step::{Counts, Simulation};
+
+/// Positions after half a second, and what it took.
+fn run(
+    scene: &Scene,
+    method: Method,
+    step: f64,
+    solution: Solution,
+) -> (Vec<Vector3<f64>>, Counts) {
+    let mut scene = scene.clone();
+    scene.settings.method = method;
+    scene.settings.step = StepControl::Fixed(step);
+    scene.settings.duration = 0.5;
+    scene.settings.solution = solution;
+    let mut simulation = Simulation::new(&scene).unwrap();
+    simulation.run(1, &mut ()).unwrap();
+    (
+        simulation.nodes().positions.clone(),
+        simulation.work().counts,
+    )
+}
+
+fn distance(a: &[Vector3<f64>], b: &[Vector3<f64>]) -> f64 {
+    let distances = a.iter().zip(b).map(|(a, b)| (a - b).norm());
+    distances.fold(0.0, f64::max)
+}
+
+/// Half a second of linearly implicit Euler with a fresh factor in double
+/// precision at every step.
+fn factorized_at_every_step(scene: &Scene) -> Vec<Vector3<f64>> {
+    let system = compile(scene).unwrap();
+    let n_free = system.n_free();
+    let mut solver = Solver::analyze(n_free, system.pattern().pairs(), Options::default()).unwrap();
+    let mut x = system.initial_positions().to_vec();
+    let mut v = system.initial_velocities().to_vec();
+    let mut out = system.linearization();
+    for _ in 0..30 {
+        for projection in [Projection::None, Projection::Clamp] {
+            let at = Evaluation {
+                x: &x,
+                v: &v,
+                projection,
+                tensions: None,
+                dashpot_tension: false,
+                weights: Weights::of_step(H),
+            };
+            system.linearize(&at, &mut out);
+            let matrix = &out.matrix;
+            let done = solver.set_matrix(matrix.diagonal(), matrix.off_diagonal());
+            if done.is_ok() {
+                break;
+            }
+        }
+        let momenta = system.masses().iter().zip(&v).zip(&out.forces);
+        let rhs = momenta.flat_map(|((m, v), f)| <[f64; 3]>::from(v * *m + f * H));
+        let mut new: Vec<f64> = rhs.collect();
+        solver.solve_in_place(&mut new, 1e-11).unwrap();
+        for ((x, v), new) in x.iter_mut().zip(&mut v).zip(new.as_chunks::<3>().0) {
+            *v = Vector3::from(*new);
+            *x += *v * H;
+        }
+    }
+    let mut nodes = vec![Vector3::zeros(); scene.nodes.len()];
+    system.numbering().scatter(&x, &mut nodes);
+    nodes
+}
+
+const H: f64 = 1.0 / 60.0;
+
+/// Large enough for iteration without a factor.
+fn scenes() -> [Scene; 2] {
+    [
+        cloth(64, Material::of_cloth()),
+        block(12, Material::of_block()),
+    ]
+}
+
+#[test]
+fn strict_solutions_are_those_of_a_fresh_factor() {
+    for scene in &scenes() {
+        let method = Method::LinearlyImplicitEuler;
+        let (strict, _) = run(scene, method, H, Solution::Strict);
+        let difference = distance(&strict, &factorized_at_every_step(scene));
+        assert!(difference < 1e-8, "{}: {difference:e}", scene.name);
+    }
+}
+
+#[test]
+fn sufficient_solutions_change_the_error_by_less_than_a_hundredth() {
+    for scene in scenes() {
+        let method = Method::LinearlyImplicitEuler;
+        let (fine, _) = run(&scene, method, H / 8.0, Solution::Sufficient);
+        let (strict, _) = run(&scene, method, H, Solution::Strict);
+        let (sufficient, counts) = run(&scene, method, H, Solution::Sufficient);
+        let (of_strict, of_sufficient) = (distance(&strict, &fine), distance(&sufficient, &fine));
+        let change = (of_sufficient / of_strict - 1.0).abs();
+        assert!(change < 0.01, "{}: {change:e}", scene.name);
+        assert!(counts.solver_iterations > 0, "{} iterates", scene.name);
+        assert_eq!(counts.factorizations, 0, "{} has no factor", scene.name);
+    }
+}
+
+/// Newton's method corrects what a loose solution of its systems leaves.
+#[test]
+fn converged_methods_do_not_depend_on_how_systems_are_solved() {
+    let [_, block] = scenes();
+    for method in [Method::ImplicitEuler, Method::TrBdf2] {
+        let (strict, _) = run(&block, method, H, Solution::Strict);
+        let (sufficient, counts) = run(&block, method, H, Solution::Sufficient);
+        let difference = distance(&strict, &sufficient);
+        assert!(difference < 1e-9, "{method}: {difference:e}");
+        assert!(counts.solver_iterations > 0);
+    }
+}
+
+/// Free flight: no solution, however loose, makes momentum.
+#[test]
+fn iteration_makes_no_momentum() {
+    let mut scene = block(12, Material::of_block());
+    scene.gravity = Vector3::zeros();
+    for (index, node) in scene.nodes.iter_mut().enumerate() {
+        node.fixed = false;
+        node.velocity = Vector3::new((index as f64).sin(), 1.0, (0.3 * index as f64).cos());
+    }
+    let masses = scene.node_masses();
+    let momentum = |velocities: &[Vector3<f64>]| -> Vector3<f64> {
+        velocities.iter().zip(&masses).map(|(v, m)| v * *m).sum()
+    };
+    scene.settings.method = Method::LinearlyImplicitEuler;
+    scene.settings.step = StepControl::Fixed(H);
+    let mut simulation = Simulation::new(&scene).unwrap();
+    let before = momentum(&simulation.nodes().velocities);
+    simulation.run(1, &mut ()).unwrap();
+    assert!(simulation.work().counts.solver_iterations > 0);
+    let after = momentum(&simulation.nodes().velocities);
+    let relative = (after - before).norm() / before.norm();
+    assert!(relative < 1e-12, "{relative:e}");
+}
