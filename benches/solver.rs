@@ -52,8 +52,8 @@ fn solver(criterion: &mut Criterion) {
         let analyze = |route| {
             let options = Options {
                 positions: Some(&positions),
-                threads: 1,
                 route,
+                ..Options::default()
             };
             Solver::analyze(n_free, pairs, options).expect("enough memory")
         };

@@ -9,8 +9,8 @@ use nalgebra::Vector3;
 use springs::assembly::System;
 use springs::scene::{Method as Name, Node, Scene, StepControl};
 use springs::step::{
-    Anchors, Cause, Doubling, ErrorEstimate, Interval, Method, MethodError, NodeStates, Simulation,
-    State, Work,
+    Anchors, Cause, Doubling, ErrorEstimate, HiddenState, Interval, Method, MethodError,
+    NodeStates, Simulation, State, Work,
 };
 
 fn adaptive(scene: &Scene, method: Name, tolerance: f64) -> Simulation {
@@ -145,6 +145,9 @@ impl Method for SymplecticEuler {
         anchors.place(interval.end, &mut state.x);
         Ok(None)
     }
+
+    /// It carries nothing from step to step.
+    fn visit(&mut self, _state: &mut HiddenState) {}
 
     fn accept(&mut self) {}
 }

@@ -1,29 +1,220 @@
 //! What is in a scene, what a run will leave out, and what looks wrong.
 
-use springs_assembly::System;
+use springs_assembly::Motion;
 use springs_scene::{Method, Scene, Spring};
-use springs_step::{Choice, Pace};
+use springs_step::{Islands, Pace, Part, Simulation};
 use std::collections::HashMap;
 
-/// Advice about a scene, as sentences.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Inspection {
-    /// What a run leaves out, and why that changes nothing.
-    pub skipped: Vec<String>,
-    /// What is legal but probably not meant.
-    pub suspicious: Vec<String>,
+/// Something that a run leaves out.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Saving {
+    /// What was found.
+    pub what: String,
+    /// What that saves.
+    pub saves: String,
+    /// When leaving it out changes nothing.
+    pub exact: String,
 }
 
-/// Looks through a sound scene that will be simulated as `choice` says.
-pub fn inspect(scene: &Scene, system: &System, choice: &Choice) -> Inspection {
-    let mut inspection = Inspection::default();
-    list_skipped(scene, choice, &mut inspection.skipped);
-    let suspicious = &mut inspection.suspicious;
-    list_odd_springs(scene, suspicious);
-    list_islands(scene, suspicious);
-    list_odd_masses(scene, suspicious);
-    list_odd_steps(system, choice, suspicious);
-    inspection
+/// What a run of the scene leaves out, as it was compiled into `islands`.
+pub fn skipped(scene: &Scene, islands: &Islands) -> Vec<Saving> {
+    let mut savings = Savings(Vec::new());
+    let n_nodes = scene.nodes.len();
+    let n_fixed = scene.nodes.iter().filter(|node| node.fixed).count();
+    if n_fixed > 0 {
+        savings.add(
+            count(n_fixed, "fixed node"),
+            format!("{} unknowns of {}", 3 * n_fixed, 3 * n_nodes),
+            "always: they are prescribed, not solved for",
+        );
+    }
+    list_forces(scene, &mut savings);
+    if !scene.settings.skip {
+        return savings.0;
+    }
+    let systems = || {
+        let parts = islands.parts().iter();
+        parts.map(|part| part.simulation().stepper().system())
+    };
+    if islands.parts().len() > 1 {
+        savings.add(
+            format!(
+                "{} that do not feel each other",
+                count(islands.parts().len(), "part")
+            ),
+            "each has a method, steps and a solver of its own, and they run side by side"
+                .to_owned(),
+            "always: the matrix falls apart into theirs",
+        );
+    }
+    let merged: usize = systems().map(|system| system.springs().n_merged()).sum();
+    if merged > 0 {
+        savings.add(
+            format!(
+                "{} beside another one between the same nodes",
+                count(merged, "spring")
+            ),
+            format!("{merged} springs of {}", scene.springs.len()),
+            "because K = ΣK and l₀ = ΣK·l₀/ΣK give the same force and Hessian; \
+             clamped springs are counted and clamped as one",
+        );
+    }
+    let unknowns_in = |dimension: usize| -> usize {
+        let here = systems()
+            .filter(|system| system.n_free() > 0 && system.motion().dimension() == dimension);
+        here.map(|system| 3 * system.n_free()).sum()
+    };
+    for (dimension, where_to) in [(2, "in one plane"), (1, "on one line")] {
+        let unknowns = unknowns_in(dimension);
+        if unknowns > 0 {
+            let left = unknowns / 3 * dimension;
+            savings.add(
+                format!("nodes, velocities, anchors and gravity {where_to}"),
+                format!("{} unknowns of {unknowns} in the systems", unknowns - left),
+                "because nothing pushes out of there, so they would be zero",
+            );
+        }
+    }
+    let asleep = islands
+        .parts()
+        .iter()
+        .filter(|part| part.asleep_since() == Some(0.0));
+    let asleep: usize = asleep.map(|part| part.island().nodes.len()).sum();
+    if asleep > 0 {
+        savings.add(
+            format!("{} at rest", count(asleep, "node")),
+            "all their steps".to_owned(),
+            "because nothing moves and nothing pushes, to the last bit",
+        );
+    }
+    list_matrices(islands, &mut savings);
+    savings.0
+}
+
+/// The list as it grows.
+struct Savings(Vec<Saving>);
+
+impl Savings {
+    fn add(&mut self, what: String, saves: String, exact: &str) {
+        self.0.push(Saving {
+            what,
+            saves,
+            exact: exact.to_owned(),
+        });
+    }
+}
+
+/// Forces that there are none of.
+fn list_forces(scene: &Scene, savings: &mut Savings) {
+    let is_fixed = |spring: &Spring| spring.nodes.iter().all(|&node| scene.nodes[node].fixed);
+    let fixed_springs = indices(scene, is_fixed);
+    if !fixed_springs.is_empty() {
+        savings.add(
+            format!(
+                "both ends of {} are fixed",
+                name_them("spring", &fixed_springs)
+            ),
+            format!("the forces of {}", count(fixed_springs.len(), "spring")),
+            "always: they only have energy, which is counted",
+        );
+    }
+    let dead = indices(scene, is_dead);
+    if !dead.is_empty() {
+        savings.add(
+            format!(
+                "{} without stiffness and damping",
+                name_them("spring", &dead)
+            ),
+            format!("the forces of {}", count(dead.len(), "spring")),
+            "always: only mass comes from them, which is counted",
+        );
+    }
+    if scene.springs.iter().all(|spring| spring.damping == 0.0) {
+        savings.add(
+            "no spring has a damping".to_owned(),
+            "the damping matrix and the heat of dashpots".to_owned(),
+            "always",
+        );
+    }
+    if scene.gravity == springs_scene::Vector3::zeros() {
+        savings.add(
+            "there is no gravity".to_owned(),
+            "its force".to_owned(),
+            "always",
+        );
+    }
+    if !scene.nodes.iter().any(|node| node.is_moving_anchor()) {
+        savings.add(
+            "no fixed node moves".to_owned(),
+            "placing them, and the work that they do".to_owned(),
+            "always",
+        );
+    }
+}
+
+/// Matrices that are not needed, or only once.
+fn list_matrices(islands: &Islands, savings: &mut Savings) {
+    let parts = || islands.parts().iter().map(Part::simulation);
+    let unknowns = |wanted: &dyn Fn(&Simulation) -> bool| -> usize {
+        let wanted = parts().filter(|part| wanted(part));
+        wanted
+            .map(|part| 3 * part.stepper().system().n_free())
+            .sum()
+    };
+    let explicit = unknowns(&|part| !part.choice().has_matrix());
+    if explicit > 0 {
+        savings.add(
+            format!("an explicit method moves {explicit} unknowns"),
+            "their matrix and its factorizations".to_owned(),
+            "always: the method has none",
+        );
+    }
+    let is_constant = |part: &Simulation| {
+        let system = part.stepper().system();
+        let dashpots = system.dashpots().is_empty();
+        let is_line = matches!(system.motion(), Motion::Line(_));
+        part.choice().has_matrix() && dashpots && (is_line || system.is_isotropic())
+    };
+    let constant = unknowns(&is_constant);
+    if constant > 0 {
+        savings.add(
+            format!("the matrix of {constant} unknowns depends on the step size alone"),
+            "all factorizations but one for each step size".to_owned(),
+            "because rest lengths are zero or motion is on a line, without dashpots",
+        );
+    }
+    let is_isotropic = |part: &Simulation| {
+        let system = part.stepper().system();
+        system.is_isotropic() && !matches!(system.motion(), Motion::Line(_))
+    };
+    let isotropic = unknowns(&|part| part.choice().has_matrix() && is_isotropic(part));
+    if isotropic > 0 {
+        savings.add(
+            "all rest lengths are zero".to_owned(),
+            format!("one matrix of {} unknowns serves x, y and z", isotropic / 3),
+            "because every block is K·I, but for the tangents material and filtered",
+        );
+    }
+}
+
+fn is_dead(spring: &Spring) -> bool {
+    spring.stiffness == 0.0 && spring.damping == 0.0
+}
+
+/// What is legal but probably not meant, as sentences.
+pub fn suspicious(scene: &Scene, islands: &Islands) -> Vec<String> {
+    let mut suspicious = Vec::new();
+    list_odd_springs(scene, &mut suspicious);
+    list_floating(scene, &mut suspicious);
+    list_odd_masses(scene, &mut suspicious);
+    // The part with the fastest vibrations has the most to say about steps.
+    let frequency = |part: &&Simulation| part.stepper().system().frequency_bound();
+    let parts = islands.parts().iter().map(Part::simulation);
+    let fastest = parts.max_by(|a, b| frequency(a).total_cmp(&frequency(b)));
+    fastest
+        .into_iter()
+        .for_each(|part| list_odd_steps(part, &mut suspicious));
+    suspicious
 }
 
 /// "3 springs", "1 spring".
@@ -53,38 +244,8 @@ fn indices(scene: &Scene, wanted: impl Fn(&Spring) -> bool) -> Vec<usize> {
         .collect()
 }
 
-fn list_skipped(scene: &Scene, choice: &Choice, skipped: &mut Vec<String>) {
-    let fixed = scene.nodes.iter().filter(|node| node.fixed).count();
-    if fixed > 0 {
-        skipped.push(format!(
-            "{} unknowns of {}: fixed nodes are prescribed, not solved for",
-            3 * fixed,
-            count(fixed, "fixed node"),
-        ));
-    }
-    if !choice.has_matrix() {
-        skipped.push("all matrices: the method is explicit".to_owned());
-    }
-    let is_fixed = |spring: &Spring| spring.nodes.iter().all(|&node| scene.nodes[node].fixed);
-    let fixed_springs = indices(scene, is_fixed);
-    if !fixed_springs.is_empty() {
-        skipped.push(format!(
-            "forces of {}: both ends are fixed, so they only have energy",
-            name_them("spring", &fixed_springs)
-        ));
-    }
-    if scene.springs.iter().all(|spring| spring.damping == 0.0) {
-        skipped.push("damping: no spring has any".to_owned());
-    }
-    if scene.gravity == springs_scene::Vector3::zeros() {
-        skipped.push("gravity: there is none".to_owned());
-    }
-}
-
 fn list_odd_springs(scene: &Scene, suspicious: &mut Vec<String>) {
-    let dead = indices(scene, |spring| {
-        spring.stiffness == 0.0 && spring.damping == 0.0
-    });
+    let dead = indices(scene, is_dead);
     if !dead.is_empty() {
         suspicious.push(format!(
             "{} without stiffness and damping: only mass comes from them",
@@ -131,36 +292,25 @@ fn list_odd_springs(scene: &Scene, suspicious: &mut Vec<String>) {
 }
 
 /// Parts of the scene that nothing holds.
-fn list_islands(scene: &Scene, suspicious: &mut Vec<String>) {
-    let mut island: Vec<usize> = (0..scene.nodes.len()).collect();
-    fn root(island: &mut [usize], mut node: usize) -> usize {
-        while island[node] != node {
-            island[node] = island[island[node]];
-            node = island[node];
-        }
-        node
-    }
-    for spring in &scene.springs {
-        let [a, b] = spring.nodes.map(|node| root(&mut island, node));
-        island[a.max(b)] = a.min(b);
-    }
-    let mut held = vec![false; scene.nodes.len()];
-    for (node, state) in scene.nodes.iter().enumerate() {
-        let root = root(&mut island, node);
-        held[root] |= state.fixed;
-    }
-    let floating: Vec<usize> = (0..scene.nodes.len())
-        .filter(|&node| island[node] == node && !held[node])
-        .collect();
-    if floating.is_empty() || scene.gravity == springs_scene::Vector3::zeros() {
+fn list_floating(scene: &Scene, suspicious: &mut Vec<String>) {
+    if scene.gravity == springs_scene::Vector3::zeros() {
         return;
     }
+    let islands = scene.islands();
+    let is_free = |&&node: &&usize| !scene.nodes[node].fixed;
+    let connected = islands.connected.iter();
+    let floating = connected.filter(|island| island.nodes.iter().all(|node| is_free(&node)));
+    let mut floating: Vec<usize> = floating.map(|island| island.nodes[0]).collect();
+    floating.extend(&islands.loose);
+    floating.sort_unstable();
+    if floating.is_empty() {
+        return;
+    }
+    let them = if floating.len() == 1 { "it" } else { "them" };
     suspicious.push(format!(
-        "{} with {}: no fixed node holds {}, so gravity makes {} fall for ever",
+        "{} with {}: no fixed node holds {them}, so gravity makes {them} fall for ever",
         count(floating.len(), "part"),
         name_them("node", &floating),
-        if floating.len() == 1 { "it" } else { "them" },
-        if floating.len() == 1 { "it" } else { "them" },
     ));
 }
 
@@ -188,7 +338,8 @@ fn list_odd_masses(scene: &Scene, suspicious: &mut Vec<String>) {
     }
 }
 
-fn list_odd_steps(system: &System, choice: &Choice, suspicious: &mut Vec<String>) {
+fn list_odd_steps(simulation: &Simulation, suspicious: &mut Vec<String>) {
+    let (system, choice) = (simulation.stepper().system(), simulation.choice());
     let Pace::Fixed(h) = choice.pace else {
         return;
     };
@@ -219,15 +370,11 @@ fn list_odd_steps(system: &System, choice: &Choice, suspicious: &mut Vec<String>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use springs_assembly::compile;
     use springs_scene::generate::{Material, chain};
     use springs_scene::{Node, Vector3};
-    use springs_step::choose;
 
     fn suspicions(scene: &Scene) -> Vec<String> {
-        let system = compile(scene).unwrap();
-        let choice = choose(scene, &system).unwrap();
-        inspect(scene, &system, &choice).suspicious
+        suspicious(scene, &Islands::new(scene).unwrap())
     }
 
     #[test]

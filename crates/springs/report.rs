@@ -1,9 +1,13 @@
 //! From a simulation to the report that is written to `report.json`.
 
+use crate::inspect::skipped;
 use springs_assembly::Energy;
-use springs_io::{EnergyReport, EnergySum, FailureReport, Report, SecondsReport, SwitchReport};
+use springs_io::{
+    EnergyReport, EnergySum, FailureReport, IslandReport, Report, SavingReport, SecondsReport,
+    SwitchReport,
+};
 use springs_scene::Scene;
-use springs_step::{Pace, Simulation, StepError};
+use springs_step::{Islands, Pace, Part, StepError};
 use std::time::Duration;
 
 /// How a run ended.
@@ -31,9 +35,10 @@ pub struct Timings {
 }
 
 /// The report of a simulation of `scene`.
-pub fn report(scene: &Scene, simulation: &Simulation, ending: Ending, timings: Timings) -> Report {
-    let choice = simulation.choice();
-    let work = simulation.work();
+pub fn report(scene: &Scene, islands: &Islands, ending: Ending, timings: Timings) -> Report {
+    let largest = islands.largest().simulation();
+    let choice = largest.choice();
+    let work = islands.work();
     let counts = work.counts;
     Report {
         springs_version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -47,18 +52,27 @@ pub fn report(scene: &Scene, simulation: &Simulation, ending: Ending, timings: T
         method: choice.method.to_string(),
         tangent: choice.tangent.map(|tangent| tangent.to_string()),
         solution: scene.settings.solution.to_string(),
-        threads: simulation.stepper().system().threads(),
+        threads: islands.threads(),
         nodes: scene.nodes.len(),
         springs: scene.springs.len(),
-        unknowns: 3 * simulation.stepper().system().n_free(),
+        unknowns: 3 * islands.n_free(),
         reason: Some(choice.reason.clone()).filter(|reason| !reason.is_empty()),
-        switches: switches(simulation),
-        step_size: simulation.plan().map(|plan| plan.step_size),
+        switches: switches(islands),
+        islands: parts(islands),
+        skipped: skipped(scene, islands)
+            .into_iter()
+            .map(|saving| SavingReport {
+                what: saving.what,
+                saves: saving.saves,
+                exact: saving.exact,
+            })
+            .collect(),
+        step_size: largest.plan().map(|plan| plan.step_size),
         tolerance: match choice.pace {
             Pace::Fixed(_) => None,
             Pace::Tolerance(tolerance) => Some(tolerance),
         },
-        shortened_last_step: simulation.plan().and_then(|plan| plan.shortened),
+        shortened_last_step: largest.plan().and_then(|plan| plan.shortened),
         steps: counts.steps,
         rejected_steps: counts.rejected_steps,
         force_evaluations: counts.force_evaluations,
@@ -69,7 +83,7 @@ pub fn report(scene: &Scene, simulation: &Simulation, ending: Ending, timings: T
         solver_iterations: counts.solver_iterations,
         newton_iterations: counts.newton_iterations,
         clamped_springs: counts.clamped_springs,
-        simulated_seconds: simulation.stepper().time(),
+        simulated_seconds: islands.time(),
         seconds: SecondsReport {
             total: timings.total.as_secs_f64(),
             setup: timings.setup.as_secs_f64(),
@@ -79,7 +93,7 @@ pub fn report(scene: &Scene, simulation: &Simulation, ending: Ending, timings: T
             solve: work.phases.solve.as_secs_f64(),
             output: timings.output.as_secs_f64(),
         },
-        energy: energy(simulation),
+        energy: energy(islands),
         peak_memory_bytes: peak_memory_bytes(),
         failure: match ending {
             Ending::Failed(error) => Some(failure(error)),
@@ -88,8 +102,30 @@ pub fn report(scene: &Scene, simulation: &Simulation, ending: Ending, timings: T
     }
 }
 
-fn switches(simulation: &Simulation) -> Vec<SwitchReport> {
-    let switches = simulation.switches().iter();
+/// How each part is simulated; nothing for a scene in one part.
+fn parts(islands: &Islands) -> Vec<IslandReport> {
+    let parts = islands.parts();
+    if parts.len() == 1 {
+        return Vec::new();
+    }
+    let report = |part: &Part| {
+        let (island, simulation) = (part.island(), part.simulation());
+        let counts = simulation.work().counts;
+        IslandReport {
+            first_node: island.nodes[0],
+            nodes: island.nodes.len(),
+            springs: island.springs.len(),
+            method: simulation.choice().method.to_string(),
+            steps: counts.steps,
+            asleep_since: part.asleep_since(),
+        }
+    };
+    parts.iter().map(report).collect()
+}
+
+fn switches(islands: &Islands) -> Vec<SwitchReport> {
+    let parts = islands.parts().iter();
+    let switches = parts.flat_map(|part| part.simulation().switches());
     let reports = switches.map(|switch| SwitchReport {
         time: switch.time,
         method: switch.method.to_string(),
@@ -98,8 +134,8 @@ fn switches(simulation: &Simulation) -> Vec<SwitchReport> {
     reports.collect()
 }
 
-fn energy(simulation: &Simulation) -> EnergyReport {
-    let (ledger, end) = (simulation.ledger(), simulation.energy());
+fn energy(islands: &Islands) -> EnergyReport {
+    let (ledger, end) = (islands.ledger(), islands.energy());
     EnergyReport {
         start: sum(&ledger.start),
         end: sum(&end),

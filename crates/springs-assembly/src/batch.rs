@@ -20,6 +20,30 @@ pub(crate) struct Connections {
     anchored: usize,
 }
 
+/// The first spring of each spring's pair of nodes, among those that `wanted`
+/// picks; a spring of its own where duplicates are not to be merged.
+pub(crate) fn firsts_of_pairs(scene: &Scene, wanted: impl Fn(&Spring) -> bool) -> Vec<usize> {
+    let mut firsts: Vec<usize> = (0..scene.springs.len()).collect();
+    if !scene.settings.skip {
+        return firsts;
+    }
+    let springs = scene.springs.iter().enumerate();
+    let mut by_pair: Vec<([usize; 2], usize)> = springs
+        .filter(|(_, spring)| wanted(spring))
+        .map(|(index, spring)| {
+            let [a, b] = spring.nodes;
+            ([a.min(b), a.max(b)], index)
+        })
+        .collect();
+    by_pair.sort_unstable();
+    for same in by_pair.chunk_by(|a, b| a.0 == b.0) {
+        for &(_, index) in same {
+            firsts[index] = same[0].1;
+        }
+    }
+    firsts
+}
+
 /// Where the ends of a connection are.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Kind {
@@ -29,12 +53,12 @@ enum Kind {
 }
 
 impl Connections {
-    /// Sorts the springs that `wanted` picks; also returns their scene indices
+    /// Sorts the springs that `wanted` picks by index; also returns their scene indices
     /// in batch order. Pairs are unknown until [`Self::set_pairs`].
     pub(crate) fn new(
         scene: &Scene,
         numbering: &Numbering,
-        wanted: impl Fn(&Spring) -> bool,
+        wanted: impl Fn(usize) -> bool,
     ) -> (Self, Vec<usize>) {
         let kind = |spring: usize| {
             let fixed = scene.springs[spring]
@@ -46,9 +70,7 @@ impl Connections {
                 _ => Kind::Anchored,
             }
         };
-        let springs = scene.springs.iter().enumerate();
-        let wanted = springs.filter_map(|(index, spring)| wanted(spring).then_some(index));
-        let mut order: Vec<usize> = wanted.collect();
+        let mut order: Vec<usize> = (0..scene.springs.len()).filter(|&i| wanted(i)).collect();
         order.sort_by_key(|&spring| kind(spring));
         let upto = |last: Kind| order.partition_point(|&spring| kind(spring) <= last);
         let ends = order.iter().map(|&spring| {

@@ -1,7 +1,9 @@
 //! From a scene to a system: everything that is decided once.
 
+use crate::batch::Connections;
 use crate::elements::{Element, PointMasses, SpringMasses};
-use crate::{BlockPattern, Dashpots, Gravity, Numbering, Springs, System};
+use crate::system::Batches;
+use crate::{BlockPattern, Dashpots, Gravity, Motion, Numbering, Springs, System};
 use springs_scene::{Problem, Scene};
 
 /// Why a scene has no system.
@@ -30,9 +32,7 @@ pub fn compile(scene: &Scene) -> Result<System, CompileError> {
     let mut dashpots = Dashpots::new(scene, &numbering);
     let gravity = Gravity::new(&scene.gravity, &masses);
 
-    let interior = |connections: &crate::batch::Connections| {
-        connections.ends()[connections.interior()].to_vec()
-    };
+    let interior = |connections: &Connections| connections.ends()[connections.interior()].to_vec();
     let triplets = [
         interior(&springs.connections),
         interior(&dashpots.connections),
@@ -42,9 +42,45 @@ pub fn compile(scene: &Scene) -> Result<System, CompileError> {
     springs.connections.set_pairs(of_springs);
     dashpots.connections.set_pairs(of_dashpots);
 
+    let motion = match scene.settings.skip {
+        true => motion_of(
+            scene,
+            &numbering,
+            [&springs.connections, &dashpots.connections],
+        ),
+        false => Motion::Space,
+    };
+    if let Motion::Line(line) = motion {
+        springs.keep_on_line(line);
+    }
+    let batches = Batches {
+        springs,
+        dashpots,
+        gravity,
+    };
     Ok(System::new(
-        scene, numbering, masses, springs, dashpots, gravity, pattern,
+        scene, numbering, masses, batches, pattern, motion,
     ))
+}
+
+/// Where free nodes and the anchors they feel lie and move.
+fn motion_of(scene: &Scene, numbering: &Numbering, connections: [&Connections; 2]) -> Motion {
+    let anchors = connections.into_iter().flat_map(|connections| {
+        let anchored = &connections.ends()[connections.anchored()];
+        anchored.iter().map(|ends| ends[1] as usize)
+    });
+    let mut blocks: Vec<usize> = anchors.collect();
+    blocks.sort_unstable();
+    blocks.dedup();
+    blocks.extend(0..numbering.n_free());
+    let nodes = || {
+        blocks
+            .iter()
+            .map(|&block| &scene.nodes[numbering.node(block)])
+    };
+    let positions: Vec<_> = nodes().map(|node| node.position).collect();
+    let velocities: Vec<_> = nodes().map(|node| node.velocity).collect();
+    Motion::of(&positions, &velocities, &scene.gravity)
 }
 
 /// Mass of each free block, in kg.

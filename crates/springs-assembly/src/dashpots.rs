@@ -1,13 +1,14 @@
 //! Dashpots along springs as force emitters.
 
-use crate::batch::Connections;
+use crate::batch::{Connections, firsts_of_pairs};
 use crate::{Evaluation, ForceEmitter, Linearization, Numbering, PACKED};
 use nalgebra::{Matrix3, Vector3};
 use springs_math::Separation;
 use springs_math::dashpot::{self, Dashpot};
-use springs_scene::Scene;
+use springs_scene::{Scene, Spring};
 
-/// All springs that have a damping. Scenes without any pay nothing for them.
+/// All springs that have a damping; those between the same two nodes are one,
+/// unless the scene says otherwise: c = Σc. Scenes without any pay nothing for them.
 #[derive(Clone, Debug)]
 pub struct Dashpots {
     pub(crate) connections: Connections,
@@ -16,12 +17,18 @@ pub struct Dashpots {
 
 impl Dashpots {
     pub(crate) fn new(scene: &Scene, numbering: &Numbering) -> Self {
-        let (connections, order) =
-            Connections::new(scene, numbering, |spring| spring.damping > 0.0);
-        let damping = |&index: &usize| scene.springs[index].damping;
+        let is_damped = |spring: &Spring| spring.damping > 0.0;
+        let firsts = firsts_of_pairs(scene, is_damped);
+        let mut sums = vec![0.0; scene.springs.len()];
+        for (spring, &first) in scene.springs.iter().zip(&firsts) {
+            sums[first] += spring.damping;
+        }
+        let (connections, order) = Connections::new(scene, numbering, |index| {
+            is_damped(&scene.springs[index]) && firsts[index] == index
+        });
         Self {
             connections,
-            damping: order.iter().map(damping).collect(),
+            damping: order.iter().map(|&index| sums[index]).collect(),
         }
     }
 

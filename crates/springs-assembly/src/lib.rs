@@ -44,6 +44,7 @@ mod elements;
 mod emitter;
 mod gravity;
 mod matrix;
+mod motion;
 mod springs;
 mod system;
 
@@ -54,5 +55,6 @@ pub use elements::{Element, PointMasses, SpringMasses};
 pub use emitter::{Evaluation, ForceEmitter, Projection, Weights};
 pub use gravity::Gravity;
 pub use matrix::{BlockMatrix, BlockPattern, PACKED};
+pub use motion::Motion;
 pub use springs::Springs;
-pub use system::{Energy, Linearization, System};
+pub use system::{Energy, Linearization, System, machine_threads};

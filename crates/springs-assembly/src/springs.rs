@@ -1,31 +1,98 @@
 //! Springs as force emitters.
 
-use crate::batch::Connections;
-use crate::{Evaluation, ForceEmitter, Linearization, Numbering, Projection};
+use crate::batch::{Connections, firsts_of_pairs};
+use crate::{Evaluation, ForceEmitter, Linearization, Numbering, PACKED, Projection};
 use nalgebra::Vector3;
 use springs_math::{Separation, spring};
-use springs_scene::Scene;
+use springs_scene::{Scene, Spring};
 
-/// All springs that have a stiffness.
+/// The packed identity.
+const IDENTITY: [f64; 6] = [1.0, 0.0, 0.0, 1.0, 0.0, 1.0];
+
+/// All springs that have a stiffness; those between the same two nodes are one,
+/// unless the scene says otherwise: K = ΣK, l₀ = ΣK·l₀/K.
 #[derive(Clone, Debug)]
 pub struct Springs {
     pub(crate) connections: Connections,
     stiffness: Vec<f64>,
     rest_length: Vec<f64>,
     scene_index: Vec<usize>,
+    /// Springs that became part of another one between the same nodes, and the
+    /// energy, in J, that they have beyond that of the sum.
+    n_merged: usize,
+    energy_of_merged: f64,
+    /// What the Hessian is known to be.
+    shape: Shape,
+}
+
+/// What the Hessian of the springs with a free end is known to be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Shape {
+    /// Anything.
+    General,
+    /// K·I for every spring: all rest lengths are zero.
+    Isotropic,
+    /// K u uᵀ, as far as motion along the unit vector u goes.
+    Line(Vector3<f64>),
 }
 
 impl Springs {
     pub(crate) fn new(scene: &Scene, numbering: &Numbering) -> Self {
-        let (connections, order) =
-            Connections::new(scene, numbering, |spring| spring.stiffness > 0.0);
-        let springs = || order.iter().map(|&index| &scene.springs[index]);
-        Self {
-            connections,
-            stiffness: springs().map(|spring| spring.stiffness).collect(),
-            rest_length: springs().map(|spring| spring.rest_length).collect(),
-            scene_index: order,
+        let is_stiff = |spring: &Spring| spring.stiffness > 0.0;
+        let firsts = firsts_of_pairs(scene, is_stiff);
+        // Σ K and Σ K l₀ of each pair.
+        let mut sums = vec![(0.0, 0.0); scene.springs.len()];
+        let mut n_merged = 0;
+        let springs = || scene.springs.iter().zip(&firsts).enumerate();
+        for (index, (spring, &first)) in springs().filter(|(_, (spring, _))| is_stiff(spring)) {
+            sums[first].0 += spring.stiffness;
+            sums[first].1 += spring.stiffness * spring.rest_length;
+            n_merged += usize::from(first != index);
         }
+        let (connections, order) = Connections::new(scene, numbering, |index| {
+            is_stiff(&scene.springs[index]) && firsts[index] == index
+        });
+        // One rest length stays as it is, to the last bit.
+        let mut is_one = vec![true; scene.springs.len()];
+        for (_, (spring, &first)) in springs() {
+            is_one[first] &= spring.rest_length == scene.springs[first].rest_length;
+        }
+        let rest_length = |index: usize| match is_one[index] {
+            true => scene.springs[index].rest_length,
+            false => sums[index].1 / sums[index].0,
+        };
+        let extra = springs().filter(|(_, (spring, first))| is_stiff(spring) && !is_one[**first]);
+        let extra = extra.map(|(_, (spring, &first))| {
+            0.5 * spring.stiffness * (spring.rest_length - rest_length(first)).powi(2)
+        });
+        let mut springs = Self {
+            n_merged,
+            energy_of_merged: extra.sum(),
+            connections,
+            stiffness: order.iter().map(|&index| sums[index].0).collect(),
+            rest_length: order.iter().map(|&index| rest_length(index)).collect(),
+            scene_index: order,
+            shape: Shape::General,
+        };
+        let mut live = springs.connections.live();
+        if scene.settings.skip && live.all(|index| springs.rest_length[index] == 0.0) {
+            springs.shape = Shape::Isotropic;
+        }
+        springs
+    }
+
+    /// The scene is known to move along `line` only.
+    pub(crate) fn keep_on_line(&mut self, line: Vector3<f64>) {
+        self.shape = Shape::Line(line);
+    }
+
+    pub(crate) fn is_isotropic(&self) -> bool {
+        self.shape == Shape::Isotropic
+    }
+
+    /// How many springs became part of another one between the same nodes.
+    pub fn n_merged(&self) -> usize {
+        self.n_merged
     }
 
     /// Number of springs in the batch.
@@ -77,13 +144,44 @@ impl Springs {
                 project,
             );
             let block = block.map(|entry| weight * entry);
-            self.connections.add_force(index, force, &mut out.forces);
-            match index < self.connections.interior().end {
-                true => self.connections.add_block(index, &block, &mut out.matrix),
-                false => self
-                    .connections
-                    .add_anchored_block(index, &block, at.v, out),
-            }
+            self.add_linearized(index, force, &block, at, out);
+        }
+    }
+
+    /// Forces, and the block K·`unit` of every spring, whatever its state.
+    fn linearize_constant(&self, unit: [f64; 6], at: &Evaluation<'_>, out: &mut Linearization) {
+        let weight = at.weights.stiffness;
+        for index in self.connections.live() {
+            let force = self.force(index, at.x);
+            let stiffness = weight * self.stiffness[index];
+            let block = unit.map(|entry| stiffness * entry);
+            self.add_linearized(index, force, &block, at, out);
+        }
+    }
+
+    #[inline(always)]
+    fn add_linearized(
+        &self,
+        index: usize,
+        force: Vector3<f64>,
+        block: &[f64; 6],
+        at: &Evaluation<'_>,
+        out: &mut Linearization,
+    ) {
+        self.connections.add_force(index, force, &mut out.forces);
+        match index < self.connections.interior().end {
+            true => self.connections.add_block(index, block, &mut out.matrix),
+            false => self.connections.add_anchored_block(index, block, at.v, out),
+        }
+    }
+
+    /// The force on the first end.
+    #[inline(always)]
+    fn force(&self, index: usize, x: &[Vector3<f64>]) -> Vector3<f64> {
+        let dx = self.connections.difference(index, x);
+        match self.shape {
+            Shape::Isotropic => dx * self.stiffness[index],
+            _ => spring::force(self.material(index), &Vector3::zeros(), &dx),
         }
     }
 
@@ -146,10 +244,8 @@ impl Springs {
         v: &[Vector3<f64>],
         n_free: usize,
     ) -> f64 {
-        self.connections.anchor_power(v, n_free, |index| {
-            let dx = self.connections.difference(index, x);
-            spring::force(self.material(index), &Vector3::zeros(), &dx)
-        })
+        self.connections
+            .anchor_power(v, n_free, |index| self.force(index, x))
     }
 }
 
@@ -159,18 +255,29 @@ impl ForceEmitter for Springs {
             let dx = self.connections.difference(index, x);
             spring::energy(self.material(index), &Vector3::zeros(), &dx)
         };
-        (0..self.len()).map(energy).sum()
+        (0..self.len()).map(energy).sum::<f64>() + self.energy_of_merged
     }
 
     fn add_forces(&self, x: &[Vector3<f64>], _v: &[Vector3<f64>], forces: &mut [Vector3<f64>]) {
         for index in self.connections.live() {
-            let dx = self.connections.difference(index, x);
-            let force = spring::force(self.material(index), &Vector3::zeros(), &dx);
-            self.connections.add_force(index, force, forces);
+            self.connections
+                .add_force(index, self.force(index, x), forces);
         }
     }
 
     fn linearize(&self, at: &Evaluation<'_>, out: &mut Linearization) {
+        match (self.shape, at.projection) {
+            (Shape::Line(line), _) => {
+                let unit = line * line.transpose();
+                return self.linearize_constant(PACKED.map(|entry| unit[entry]), at, out);
+            }
+            (Shape::Isotropic, projection)
+                if projection != Projection::Drop && at.tensions.is_none() =>
+            {
+                return self.linearize_constant(IDENTITY, at, out);
+            }
+            _ => {}
+        }
         match at.projection {
             Projection::None => self.linearize_with(|across| across, at, out),
             Projection::Clamp => self.linearize_with(|across| across.max(0.0), at, out),

@@ -1,16 +1,26 @@
 //! The compiled scene: global forces and matrices for any state.
 
 use crate::{
-    BlockMatrix, BlockPattern, Dashpots, Evaluation, ForceEmitter, Gravity, Numbering, Springs,
+    BlockMatrix, BlockPattern, Dashpots, Evaluation, ForceEmitter, Gravity, Motion, Numbering,
+    Springs,
 };
 use nalgebra::Vector3;
 use springs_scene::{Scene, Solution};
 use std::num::NonZeroUsize;
+use std::ops::Add;
 use std::sync::{Arc, LazyLock};
 
 /// Asked for once: the answer takes longer than a small scene.
 static MACHINE_THREADS: LazyLock<usize> =
     LazyLock::new(|| std::thread::available_parallelism().map_or(1, NonZeroUsize::get));
+
+/// Threads for a setting of so many, where 0 means as many as the machine has.
+pub fn machine_threads(asked: usize) -> usize {
+    match asked {
+        0 => *MACHINE_THREADS,
+        asked => asked,
+    }
+}
 
 /// A compiled scene.
 ///
@@ -21,14 +31,21 @@ pub struct System {
     numbering: Numbering,
     masses: Vec<f64>,
     inverse_masses: Vec<f64>,
-    springs: Springs,
-    dashpots: Dashpots,
-    gravity: Gravity,
+    batches: Batches,
+    motion: Motion,
     pattern: Arc<BlockPattern>,
     threads: usize,
     solution: Solution,
     initial_positions: Vec<Vector3<f64>>,
     initial_velocities: Vec<Vector3<f64>>,
+}
+
+/// All that gives forces.
+#[derive(Clone, Debug)]
+pub(crate) struct Batches {
+    pub(crate) springs: Springs,
+    pub(crate) dashpots: Dashpots,
+    pub(crate) gravity: Gravity,
 }
 
 /// Forces and system matrix at one state, filled by [`System::linearize`].
@@ -62,15 +79,26 @@ impl Energy {
     }
 }
 
+impl Add for Energy {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self {
+            kinetic: self.kinetic + other.kinetic,
+            elastic: self.elastic + other.elastic,
+            gravity: self.gravity + other.gravity,
+        }
+    }
+}
+
 impl System {
     pub(crate) fn new(
         scene: &Scene,
         numbering: Numbering,
         masses: Vec<f64>,
-        springs: Springs,
-        dashpots: Dashpots,
-        gravity: Gravity,
+        batches: Batches,
         pattern: BlockPattern,
+        motion: Motion,
     ) -> Self {
         let ordered = |of_node: fn(&springs_scene::Node) -> Vector3<f64>| {
             let nodes: Vec<_> = scene.nodes.iter().map(of_node).collect();
@@ -84,14 +112,10 @@ impl System {
             numbering,
             inverse_masses: masses.iter().map(|mass| 1.0 / mass).collect(),
             masses,
-            springs,
-            dashpots,
-            gravity,
+            batches,
+            motion,
             pattern: Arc::new(pattern),
-            threads: match scene.settings.threads {
-                0 => *MACHINE_THREADS,
-                asked => asked,
-            },
+            threads: machine_threads(scene.settings.threads),
             solution: scene.settings.solution,
         }
     }
@@ -123,12 +147,23 @@ impl System {
 
     /// The springs that have a stiffness.
     pub fn springs(&self) -> &Springs {
-        &self.springs
+        &self.batches.springs
     }
 
     /// The springs that have a damping.
     pub fn dashpots(&self) -> &Dashpots {
-        &self.dashpots
+        &self.batches.dashpots
+    }
+
+    /// Where the motion stays.
+    pub fn motion(&self) -> Motion {
+        self.motion
+    }
+
+    /// Whether every block of H is a multiple of the identity that never
+    /// changes: all rest lengths are zero, and there are no dashpots.
+    pub fn is_isotropic(&self) -> bool {
+        self.batches.springs.is_isotropic() && self.batches.dashpots.is_empty()
     }
 
     /// Which blocks of the matrices are stored.
@@ -148,7 +183,7 @@ impl System {
 
     /// All but gravity, whose forces are the same everywhere.
     fn emitters(&self) -> [&dyn ForceEmitter; 2] {
-        [&self.springs, &self.dashpots]
+        [&self.batches.springs, &self.batches.dashpots]
     }
 
     /// All forces on the free blocks, in N.
@@ -158,7 +193,7 @@ impl System {
     /// If `forces` is shorter than the number of free blocks.
     pub fn forces(&self, x: &[Vector3<f64>], v: &[Vector3<f64>], forces: &mut [Vector3<f64>]) {
         let forces = &mut forces[..self.n_free()];
-        self.gravity.set_forces(forces);
+        self.batches.gravity.set_forces(forces);
         for emitter in self.emitters() {
             emitter.add_forces(x, v, forces);
         }
@@ -204,7 +239,7 @@ impl System {
         for emitter in self.emitters() {
             emitter.linearize(at, out);
         }
-        self.gravity.linearize(at, out);
+        self.batches.gravity.linearize(at, out);
     }
 
     /// Mechanical energy, in J.
@@ -214,8 +249,8 @@ impl System {
             kinetic: masses_and_velocities
                 .map(|(mass, v)| 0.5 * mass * v.norm_squared())
                 .sum(),
-            elastic: self.springs.energy(x),
-            gravity: self.gravity.energy(x),
+            elastic: self.batches.springs.energy(x),
+            gravity: self.batches.gravity.energy(x),
         }
     }
 
@@ -225,7 +260,8 @@ impl System {
         if v[n_free..].iter().all(|v| *v == Vector3::zeros()) {
             return 0.0;
         }
-        self.springs.anchor_power(x, v, n_free) + self.dashpots.anchor_power(x, v, n_free)
+        self.batches.springs.anchor_power(x, v, n_free)
+            + self.batches.dashpots.anchor_power(x, v, n_free)
     }
 
     /// A bound on the angular frequency of every motion in every
@@ -233,14 +269,14 @@ impl System {
     /// (Gershgorin). Infinite if a massless node has a spring, zero without
     /// springs.
     pub fn frequency_bound(&self) -> f64 {
-        let bound = self.largest_per_mass(|sums| self.springs.add_stiffness_sums(sums));
+        let bound = self.largest_per_mass(|sums| self.batches.springs.add_stiffness_sums(sums));
         (2.0 * bound).sqrt()
     }
 
     /// A bound on the decay rate that dashpots give to any motion in any
     /// configuration, in 1/s: max (2/m) Σ c over the dashpots of a node.
     pub fn damping_rate_bound(&self) -> f64 {
-        2.0 * self.largest_per_mass(|sums| self.dashpots.add_damping_sums(sums))
+        2.0 * self.largest_per_mass(|sums| self.batches.dashpots.add_damping_sums(sums))
     }
 
     /// The largest sum per mass over the free blocks; 0/0 counts as 0.

@@ -32,7 +32,8 @@ mod write;
 pub use atomic::{WriteError, write_whole};
 pub use read::{Finding, SceneError, parse_scene, read_scene, read_text};
 pub use report::{
-    EnergyReport, EnergySum, FailureReport, Report, SecondsReport, SwitchReport, write_report,
+    EnergyReport, EnergySum, FailureReport, IslandReport, Report, SavingReport, SecondsReport,
+    SwitchReport, write_report,
 };
 pub use trajectory::{TrajectoryFrame, TrajectoryWriter};
 pub use write::{scene_to_string, write_scene};

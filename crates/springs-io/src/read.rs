@@ -247,7 +247,7 @@ fn node(entry: NodeEntry) -> Node {
 fn spring(entry: SpringEntry, nodes: &[Node]) -> Spring {
     let ends = entry.nodes.0.map(|index| index.0);
     let distance = || match ends.map(|node| nodes.get(node)) {
-        [Some(a), Some(b)] => (a.position - b.position).norm(),
+        [Some(a), Some(b)] => a.distance(b),
         _ => 0.0,
     };
     Spring {
@@ -272,6 +272,8 @@ fn settings(entry: SimulationEntry) -> Settings {
         step,
         duration: entry.duration.map_or(default.duration, |real| real.0),
         threads: default.threads,
+        skip: default.skip,
+        sleep: entry.sleep.map(|real| real.0),
         solution: entry.solution.map_or(default.solution, |named| named.0),
     }
 }

@@ -32,6 +32,13 @@ pub struct Report {
     /// Changes of method during the run.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub switches: Vec<SwitchReport>,
+    /// How each part is simulated, where the scene falls into several that do
+    /// not feel each other. Method, tangent and step size above are then those
+    /// of the largest, and `steps` the most that one made.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub islands: Vec<IslandReport>,
+    /// What was left out, and why that changed nothing.
+    pub skipped: Vec<SavingReport>,
     /// Size of all steps, in s, if it is fixed.
     pub step_size: Option<f64>,
     /// Error that steps are chosen by, in m, if they are.
@@ -69,6 +76,34 @@ pub struct Report {
     pub peak_memory_bytes: Option<u64>,
     /// Why the simulation could not go on, if it failed.
     pub failure: Option<FailureReport>,
+}
+
+/// A part of the scene that does not feel the others.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct IslandReport {
+    /// Its first node.
+    pub first_node: usize,
+    /// Its nodes, fixed ones included.
+    pub nodes: usize,
+    /// Its springs.
+    pub springs: usize,
+    /// Its method, in kebab-case.
+    pub method: String,
+    /// Steps made.
+    pub steps: u64,
+    /// Since when it has been at rest, in s, if it is.
+    pub asleep_since: Option<f64>,
+}
+
+/// Something that was left out.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SavingReport {
+    /// What was found.
+    pub what: String,
+    /// What that saves.
+    pub saves: String,
+    /// When it changes nothing.
+    pub exact: String,
 }
 
 /// A change of method during a run.

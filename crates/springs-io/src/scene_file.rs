@@ -58,6 +58,7 @@ pub(crate) struct SimulationEntry {
     pub(crate) tolerance: Option<Real>,
     pub(crate) duration: Option<Real>,
     pub(crate) solution: Option<Named<springs_scene::Solution>>,
+    pub(crate) sleep: Option<Real>,
 }
 
 /// A version that this crate can read.

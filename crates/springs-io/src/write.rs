@@ -62,6 +62,9 @@ pub fn scene_to_string(scene: &Scene) -> String {
     if settings.solution != Solution::Sufficient {
         fields += &format!(", solution: {}", settings.solution.name());
     }
+    if let Some(sleep) = settings.sleep {
+        fields += &format!(", sleep: {}", number(sleep));
+    }
     line(format_args!("simulation: ({fields})"));
     text.push_str(")\n");
     text

@@ -23,10 +23,12 @@
 //! ```
 
 pub mod generate;
+mod islands;
 mod problems;
 mod scene;
 mod settings;
 
+pub use islands::{Island, Partition};
 pub use nalgebra::Vector3;
 pub use problems::{Path, Problem};
 pub use scene::{Node, Scene, Spring};

@@ -186,6 +186,9 @@ impl Scene {
                 problems.positive(Path::Simulation("tolerance"), tolerance);
             }
         }
+        if let Some(sleep) = self.settings.sleep {
+            problems.positive(Path::Simulation("sleep"), sleep);
+        }
         problems.not_negative(Path::Simulation("duration"), self.settings.duration);
         problems.0
     }

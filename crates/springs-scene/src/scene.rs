@@ -27,6 +27,13 @@ impl Node {
         }
     }
 
+    /// How far it is from another one, in m: to the last bit what the kernels
+    /// find, so that a spring of this rest length pulls nowhere.
+    pub fn distance(&self, other: &Self) -> f64 {
+        let d = other.position - self.position;
+        (d.x * d.x + d.y * d.y + d.z * d.z).sqrt()
+    }
+
     /// A node that stands still at `position`, in m.
     pub fn fixed(position: Vector3<f64>) -> Self {
         Self {
@@ -140,7 +147,7 @@ impl Scene {
     }
 
     fn distance(&self, first: usize, second: usize) -> f64 {
-        (self.nodes[first].position - self.nodes[second].position).norm()
+        self.nodes[first].distance(&self.nodes[second])
     }
 }
 

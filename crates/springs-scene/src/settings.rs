@@ -21,6 +21,12 @@ pub struct Settings {
     /// How precisely linear systems are solved where they are solved by
     /// iteration.
     pub solution: Solution,
+    /// Whether what a scene does not need is left out. Results are the same up
+    /// to rounding.
+    pub skip: bool,
+    /// Parts of the scene that can move no further than this, in m, before they
+    /// come to rest are put to sleep; `None`: only what is exactly at rest.
+    pub sleep: Option<f64>,
 }
 
 impl Default for Settings {
@@ -32,6 +38,8 @@ impl Default for Settings {
             duration: 1.0,
             threads: 0,
             solution: Solution::Sufficient,
+            skip: true,
+            sleep: None,
         }
     }
 }

@@ -1,11 +1,12 @@
 //! Preconditioned conjugate gradients.
 
-use crate::rows::{Blocks, Rows};
+use crate::block::dot;
+use crate::rows::Rows;
 
 /// What stands for the inverse of a matrix: symmetric, positive definite.
-pub(crate) trait Preconditioner {
+pub(crate) trait Preconditioner<const D: usize, const P: usize> {
     /// `z` from the residual `r`.
-    fn apply(&mut self, matrix: &Rows, r: &Blocks, z: &mut Blocks);
+    fn apply(&mut self, matrix: &Rows<P>, r: &[[f64; D]], z: &mut [[f64; D]]);
 }
 
 /// How a solution ended.
@@ -26,19 +27,19 @@ pub(crate) enum Ending {
 /// Whoever converges to a small residual has met every eigenvalue that the
 /// right-hand side excites by more than that, so a matrix that is indefinite in
 /// a way that matters shows a direction of negative curvature.
-pub(crate) struct ConjugateGradients {
-    pub(crate) residual: Vec<[f64; 3]>,
-    preconditioned: Vec<[f64; 3]>,
-    direction: Vec<[f64; 3]>,
-    product: Vec<[f64; 3]>,
+pub(crate) struct ConjugateGradients<const D: usize> {
+    pub(crate) residual: Vec<[f64; D]>,
+    preconditioned: Vec<[f64; D]>,
+    direction: Vec<[f64; D]>,
+    product: Vec<[f64; D]>,
     /// Iterations of all solutions.
     pub(crate) iterations: u64,
 }
 
-impl ConjugateGradients {
+impl<const D: usize> ConjugateGradients<D> {
     /// Vectors of `n_blocks` blocks.
     pub(crate) fn new(n_blocks: usize) -> Self {
-        let zeros = vec![[0.0; 3]; n_blocks];
+        let zeros = vec![[0.0; D]; n_blocks];
         Self {
             residual: zeros.clone(),
             preconditioned: zeros.clone(),
@@ -50,32 +51,32 @@ impl ConjugateGradients {
 
     /// Memory of the vectors, in bytes.
     pub(crate) fn memory(n_blocks: usize) -> u64 {
-        96 * n_blocks as u64
+        (32 * D * n_blocks) as u64
     }
 
     /// Solves A x = b for b in `residual`, to `accuracy` relative to the
     /// solution in the norm of the preconditioner; in `residual` is then that of
     /// x, but for the last correction, which the preconditioner gives.
-    pub(crate) fn solve(
+    pub(crate) fn solve<const P: usize>(
         &mut self,
-        matrix: &Rows,
-        preconditioner: &mut dyn Preconditioner,
+        matrix: &Rows<P>,
+        preconditioner: &mut dyn Preconditioner<D, P>,
         accuracy: f64,
         most_iterations: usize,
-        x: &mut Blocks,
+        x: &mut [[f64; D]],
     ) -> Ending {
-        x.fill([0.0; 3]);
+        x.fill([0.0; D]);
         preconditioner.apply(matrix, &self.residual, &mut self.preconditioned);
-        let mut product = dot(&self.residual, &self.preconditioned);
-        if product == 0.0 {
+        let mut remaining = product(&self.residual, &self.preconditioned);
+        if remaining == 0.0 {
             return Ending::Converged;
         }
-        let first = product;
+        let first = remaining;
         self.direction.copy_from_slice(&self.preconditioned);
         for _ in 0..most_iterations {
             self.iterations += 1;
             matrix.multiply(&self.direction, &mut self.product);
-            let curvature = dot(&self.direction, &self.product);
+            let curvature = product(&self.direction, &self.product);
             // Not a number, too, is not positive.
             let is_positive = curvature > 0.0;
             if !is_positive {
@@ -83,17 +84,17 @@ impl ConjugateGradients {
                     block: largest(&self.direction),
                 };
             }
-            let length = product / curvature;
+            let length = remaining / curvature;
             add_multiple(x, &self.direction, length);
             add_multiple(&mut self.residual, &self.product, -length);
-            let last = product;
+            let last = remaining;
             preconditioner.apply(matrix, &self.residual, &mut self.preconditioned);
-            product = dot(&self.residual, &self.preconditioned);
-            if product <= accuracy * accuracy * first {
+            remaining = product(&self.residual, &self.preconditioned);
+            if remaining <= accuracy * accuracy * first {
                 add_multiple(x, &self.preconditioned, 1.0);
                 return Ending::Converged;
             }
-            let contraction = product / last;
+            let contraction = remaining / last;
             for (direction, preconditioned) in self.direction.iter_mut().zip(&self.preconditioned) {
                 for (d, p) in direction.iter_mut().zip(preconditioned) {
                     *d = p + contraction * *d;
@@ -104,23 +105,22 @@ impl ConjugateGradients {
     }
 
     /// The residual of x = (last x) + (last correction), from that before.
-    pub(crate) fn residual_after_correction(&mut self, matrix: &Rows) -> &Blocks {
+    pub(crate) fn residual_after_correction<const P: usize>(
+        &mut self,
+        matrix: &Rows<P>,
+    ) -> &[[f64; D]] {
         matrix.multiply(&self.preconditioned, &mut self.product);
         add_multiple(&mut self.residual, &self.product, -1.0);
         &self.residual
     }
 }
 
-fn dot(a: &Blocks, b: &Blocks) -> f64 {
-    let products = a
-        .iter()
-        .zip(b)
-        .map(|(a, b)| a[0] * b[0] + a[1] * b[1] + a[2] * b[2]);
-    products.sum()
+fn product<const D: usize>(a: &[[f64; D]], b: &[[f64; D]]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| dot(a, b)).sum()
 }
 
 /// y += s·x.
-fn add_multiple(y: &mut Blocks, x: &Blocks, s: f64) {
+fn add_multiple<const D: usize>(y: &mut [[f64; D]], x: &[[f64; D]], s: f64) {
     for (y, x) in y.iter_mut().zip(x) {
         for (y, x) in y.iter_mut().zip(x) {
             *y += s * x;
@@ -129,8 +129,8 @@ fn add_multiple(y: &mut Blocks, x: &Blocks, s: f64) {
 }
 
 /// The block with the largest entry.
-fn largest(x: &Blocks) -> usize {
-    let size = |block: &[f64; 3]| block.iter().fold(0f64, |size, entry| size.max(entry.abs()));
+fn largest<const D: usize>(x: &[[f64; D]]) -> usize {
+    let size = |block: &[f64; D]| block.iter().fold(0f64, |size, entry| size.max(entry.abs()));
     let sizes = x.iter().map(size).enumerate();
     sizes
         .fold((0, 0.0), |best, (block, size)| match size > best.1 {

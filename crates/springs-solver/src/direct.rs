@@ -5,14 +5,14 @@ use crate::dissection::nested_dissection;
 use crate::fronts::{Elimination, Fronts};
 use crate::graph::minimum_degree;
 use crate::multifrontal::{Layout, Multifrontal};
-use crate::rows::{Blocks, Rows};
+use crate::rows::Rows;
 use crate::single::{Single, Substitution};
 use crate::tree::Tree;
 use crate::{FactorSize, Options};
 
 /// The symbolic factorization P A Pᵀ = L Lᵀ of a pattern, and the factors made
 /// with it; each is allocated when it is first needed.
-pub(crate) struct Direct {
+pub(crate) struct Direct<const D: usize, const P: usize> {
     /// Block of the caller at each position of the elimination order.
     order: Vec<usize>,
     n_pairs: usize,
@@ -20,19 +20,19 @@ pub(crate) struct Direct {
     threads: usize,
     size: FactorSize,
     /// In place of all others where there is no fill.
-    tree: Option<Tree>,
-    double: Option<Double>,
-    single: Option<Single>,
+    tree: Option<Tree<D, P>>,
+    double: Option<Double<D, P>>,
+    single: Option<Single<D, P>>,
 }
 
 /// A factor in double precision.
-struct Double {
-    factor: Multifrontal<f64>,
-    blocks: Vec<[f64; 6]>,
+struct Double<const D: usize, const P: usize> {
+    factor: Multifrontal<f64, D, P>,
+    blocks: Vec<[f64; P]>,
     permuted: Vec<f64>,
 }
 
-impl Direct {
+impl<const D: usize, const P: usize> Direct<D, P> {
     /// Orders and factorizes symbolically.
     pub(crate) fn new(
         n_blocks: usize,
@@ -45,7 +45,7 @@ impl Direct {
             threads: options.threads,
             n_pairs: pairs.len(),
             tree: Tree::new(&elimination),
-            size: elimination.size(),
+            size: elimination.size(D),
             fronts,
             order: elimination.order,
             double: None,
@@ -68,15 +68,15 @@ impl Direct {
         if let Some(tree) = &self.tree {
             return Some(tree.memory());
         }
-        let size = Layout::new(&self.fronts)?.total_size(self.threads) as u64;
+        let size = Layout::new(&self.fronts, D)?.total_size(self.threads) as u64;
         let blocks = (self.n_blocks() + self.n_pairs) as u64;
-        Some(8 * size + 48 * blocks + 24 * self.n_blocks() as u64)
+        Some(8 * (size + P as u64 * blocks + (D * self.n_blocks()) as u64))
     }
 
     /// The same in single precision.
     pub(crate) fn single_memory(&self) -> Option<u64> {
-        let size = Layout::new(&self.fronts)?.total_size(self.threads) as u64;
-        Some(4 * size + Single::memory(self.n_blocks(), self.n_pairs))
+        let size = Layout::new(&self.fronts, D)?.total_size(self.threads) as u64;
+        Some(4 * size + Single::<D, P>::memory(self.n_blocks(), self.n_pairs))
     }
 
     fn n_blocks(&self) -> usize {
@@ -98,8 +98,8 @@ impl Direct {
     /// Factorizes in double precision.
     pub(crate) fn factorize(
         &mut self,
-        diagonal: &[[f64; 6]],
-        off_diagonal: &[[f64; 6]],
+        diagonal: &[[f64; P]],
+        off_diagonal: &[[f64; P]],
     ) -> Result<(), SolveError> {
         if let Some(tree) = &mut self.tree {
             let done = tree.factorize(diagonal, off_diagonal);
@@ -113,7 +113,7 @@ impl Direct {
     }
 
     /// The same with a matrix by rows.
-    pub(crate) fn factorize_rows(&mut self, matrix: &Rows) -> Result<(), SolveError> {
+    pub(crate) fn factorize_rows(&mut self, matrix: &Rows<P>) -> Result<(), SolveError> {
         let n_blocks = self.n_blocks();
         let double = self.allocate_double()?;
         let (diagonals, pair_blocks) = double.blocks.split_at_mut(n_blocks);
@@ -130,21 +130,21 @@ impl Direct {
         done.map_err(|failure| self.not_positive(failure.column))
     }
 
-    fn allocate_double(&mut self) -> Result<&mut Double, SolveError> {
+    fn allocate_double(&mut self) -> Result<&mut Double<D, P>, SolveError> {
         if self.double.is_none() {
             let n_blocks = self.n_blocks();
             let factor = Multifrontal::new(&self.fronts, self.threads);
             self.double = Some(Double {
                 factor: factor.ok_or(self.too_large())?,
-                blocks: vec![[0.0; 6]; n_blocks + self.n_pairs],
-                permuted: vec![0.0; 3 * n_blocks],
+                blocks: vec![[0.0; P]; n_blocks + self.n_pairs],
+                permuted: vec![0.0; D * n_blocks],
             });
         }
         Ok(self.double.as_mut().expect("allocated"))
     }
 
     /// Factorizes in single precision.
-    pub(crate) fn factorize_single(&mut self, matrix: &Rows) -> Result<(), SolveError> {
+    pub(crate) fn factorize_single(&mut self, matrix: &Rows<P>) -> Result<(), SolveError> {
         if self.single.is_none() {
             let n_blocks = self.n_blocks();
             let single = Single::new(&self.fronts, n_blocks, self.n_pairs, self.threads);
@@ -156,7 +156,7 @@ impl Direct {
     }
 
     /// The factor in single precision; there must have been one.
-    pub(crate) fn single(&mut self) -> Substitution<'_> {
+    pub(crate) fn single(&mut self) -> Substitution<'_, D, P> {
         Substitution {
             single: self.single.as_mut().expect("a factor"),
             fronts: &self.fronts,
@@ -166,19 +166,19 @@ impl Direct {
 
     /// Solves with the last factor in double precision; there must have been
     /// one.
-    pub(crate) fn solve_in_place(&mut self, x: &mut Blocks) {
+    pub(crate) fn solve_in_place(&mut self, x: &mut [[f64; D]]) {
         if let Some(tree) = &mut self.tree {
             return tree.solve_in_place(x);
         }
         let double = self.double.as_mut().expect("a factor");
-        let (permuted, _) = double.permuted.as_chunks_mut::<3>();
+        let (permuted, _) = double.permuted.as_chunks_mut::<D>();
         for (target, &block) in permuted.iter_mut().zip(&self.order) {
             *target = x[block];
         }
         double
             .factor
             .solve_in_place(&self.fronts, &mut double.permuted);
-        let (permuted, _) = double.permuted.as_chunks::<3>();
+        let (permuted, _) = double.permuted.as_chunks::<D>();
         for (source, &block) in permuted.iter().zip(&self.order) {
             x[block] = *source;
         }
@@ -195,12 +195,12 @@ fn best_elimination(
     positions: Option<&[[f64; 3]]>,
 ) -> Result<Elimination, SolveError> {
     let minimum = Elimination::new(&minimum_degree(n_blocks, pairs)?, pairs)?;
-    let Some(positions) = positions.filter(|_| minimum.size().flops > WORTH_DISSECTION) else {
+    let Some(positions) = positions.filter(|_| minimum.size(3).flops > WORTH_DISSECTION) else {
         return Ok(minimum);
     };
     assert_eq!(positions.len(), n_blocks, "one position per block");
     let dissected = Elimination::new(&nested_dissection(pairs, positions)?, pairs)?;
-    match dissected.size().flops < minimum.size().flops {
+    match dissected.size(3).flops < minimum.size(3).flops {
         true => Ok(dissected),
         false => Ok(minimum),
     }

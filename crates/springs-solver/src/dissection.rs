@@ -222,7 +222,7 @@ mod tests {
     #[test]
     fn it_beats_minimum_degree_on_a_large_lattice() {
         let (pairs, positions) = lattice(14);
-        let flops = |order: &[usize]| Elimination::new(order, &pairs).unwrap().size().flops;
+        let flops = |order: &[usize]| Elimination::new(order, &pairs).unwrap().size(3).flops;
         let dissected = flops(&nested_dissection(&pairs, &positions).unwrap());
         let minimum = flops(&minimum_degree(positions.len(), &pairs).unwrap());
         assert!(dissected < 0.6 * minimum, "{dissected:e} {minimum:e}");

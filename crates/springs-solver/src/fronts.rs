@@ -69,12 +69,14 @@ impl Elimination {
         })
     }
 
-    pub(crate) fn size(&self) -> crate::FactorSize {
+    /// Of the factor, with blocks of the given dimension.
+    pub(crate) fn size(&self, dimension: usize) -> crate::FactorSize {
         let mut size = crate::FactorSize::default();
+        let dimension = dimension as f64;
         for &blocks in &self.counts {
-            let column = 3.0 * blocks as f64;
-            size.entries += 3.0 * column;
-            size.flops += 3.0 * column * column;
+            let column = dimension * blocks as f64;
+            size.entries += dimension * column;
+            size.flops += dimension * column * column;
         }
         size
     }
@@ -226,10 +228,10 @@ impl Fronts {
         (self.parents[front] != NONE).then_some(self.parents[front] as usize)
     }
 
-    /// Multiplications and additions of the front.
+    /// Multiplications and additions of the front, with blocks of one entry.
     pub(crate) fn flops(&self, front: usize) -> f64 {
         let (columns, below) = (self.n_columns(front) as f64, self.rows(front).len() as f64);
-        27.0 * columns * (columns * columns / 3.0 + columns * below + below * below)
+        columns * (columns * columns / 3.0 + columns * below + below * below)
     }
 
     /// The same of all fronts.

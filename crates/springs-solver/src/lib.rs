@@ -15,9 +15,13 @@
 //!
 //! Matrices are given as one symmetric block per block row and one per coupled
 //! pair, each packed as (xx, xy, xz, yy, yz, zz); off-diagonal blocks are
-//! symmetric themselves.
+//! symmetric themselves. Where motion is known to stay in a [plane or on a
+//! line](Subspace), or blocks are multiples of the identity, only that part is
+//! solved.
 
+mod block;
 mod conjugate_gradients;
+mod core;
 mod direct;
 mod dissection;
 mod fronts;
@@ -33,7 +37,7 @@ mod substitution;
 mod tree;
 
 pub use route::{Price, Route};
-pub use solver::Solver;
+pub use solver::{Solver, Subspace};
 
 /// How systems are to be solved.
 #[derive(Clone, Copy, Debug)]
@@ -47,6 +51,8 @@ pub struct Options<'a> {
     pub threads: usize,
     /// Which way.
     pub route: Route,
+    /// Where solutions are known to lie.
+    pub subspace: Subspace,
 }
 
 impl Default for Options<'_> {
@@ -56,6 +62,7 @@ impl Default for Options<'_> {
             positions: None,
             threads: 1,
             route: Route::Double,
+            subspace: Subspace::Space,
         }
     }
 }
@@ -69,6 +76,20 @@ pub struct Counts {
     pub solutions: u64,
     /// Iterations of conjugate gradients.
     pub iterations: u64,
+}
+
+/// What a solver has learned of the last matrices, on which its next choice of a
+/// route depends.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Experience {
+    /// Iterations of the last matrix.
+    pub iterations: f64,
+    /// Whether it was solved by iteration without a factor.
+    pub is_iterative: bool,
+    /// Matrices until that is tried again.
+    pub pause: u32,
+    /// How long the next such pause will be.
+    pub next_pause: u32,
 }
 
 /// How much a factorization is.

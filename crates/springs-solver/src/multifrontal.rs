@@ -1,5 +1,6 @@
 //! Numeric factorization and solution on fronts.
 
+use crate::block::{dot, rows};
 use crate::fronts::Fronts;
 use crate::sharing::{in_turns, largest_first, work_off};
 use crate::substitution::Substitution;
@@ -58,13 +59,13 @@ impl Real for f64 {
 }
 
 /// A factorization with the fronts of one pattern.
-pub(crate) struct Multifrontal<T> {
+pub(crate) struct Multifrontal<T, const D: usize, const P: usize> {
     pub(crate) layout: Layout,
     pub(crate) factor: Vec<T>,
     stacks: Vec<Vec<T>>,
     /// Per thread.
     desks: Vec<Desk<T>>,
-    pub(crate) substitution: Substitution<T>,
+    pub(crate) substitution: Substitution<T, D>,
 }
 
 /// What a thread works with.
@@ -118,13 +119,13 @@ pub(crate) struct Layout {
 }
 
 impl Layout {
-    /// `None` if the sizes cannot be counted.
-    pub(crate) fn new(fronts: &Fronts) -> Option<Self> {
+    /// With blocks of the given dimension; `None` if the sizes cannot be counted.
+    pub(crate) fn new(fronts: &Fronts, dimension: usize) -> Option<Self> {
         let n = fronts.len();
         let mut panel_starts = vec![0usize; n + 1];
         for front in 0..n {
-            let columns = 3 * fronts.n_columns(front);
-            let size = columns.checked_mul(columns + 3 * fronts.rows(front).len())?;
+            let columns = dimension * fronts.n_columns(front);
+            let size = columns.checked_mul(columns + dimension * fronts.rows(front).len())?;
             panel_starts[front + 1] = panel_starts[front].checked_add(size)?;
         }
         let (tasks, top) = split(fronts);
@@ -138,7 +139,7 @@ impl Layout {
                 let in_task = |child: &&u32| list.binary_search(&(**child as usize)).is_ok();
                 let first = fronts.children(front).iter().find(in_task);
                 let base = first.map_or(used, |&child| update_starts[child as usize]);
-                let update = update_size(fronts, front);
+                let update = update_size(fronts, front, dimension);
                 update_starts[front] = base;
                 used = base + update;
                 most = most.max(used);
@@ -146,8 +147,8 @@ impl Layout {
             }
             stack_sizes.push(most);
         }
-        let width = |front| 3 * fronts.n_columns(front);
-        let height = |front| width(front) + 3 * fronts.rows(front).len();
+        let width = |front| dimension * fronts.n_columns(front);
+        let height = |front| width(front) + dimension * fronts.rows(front).len();
         Some(Self {
             panel_starts,
             update_starts,
@@ -157,7 +158,7 @@ impl Layout {
             largest_update,
             widest: (0..n).map(width).max().unwrap_or(0),
             highest: (0..n).map(height).max().unwrap_or(0),
-            flops: fronts.total_flops(),
+            flops: fronts.total_flops() * (dimension as f64).powi(3),
         })
     }
 
@@ -173,10 +174,10 @@ impl Layout {
     }
 }
 
-impl<T: Real> Multifrontal<T> {
+impl<T: Real, const D: usize, const P: usize> Multifrontal<T, D, P> {
     /// Allocates the factor and all workspace; `None` without enough memory.
     pub(crate) fn new(fronts: &Fronts, threads: usize) -> Option<Self> {
-        let layout = Layout::new(fronts)?;
+        let layout = Layout::new(fronts, D)?;
         let scratch = cholesky_in_place_scratch::<T>(layout.widest, Par::Seq, Default::default());
         let mut stacks = Vec::new();
         for &size in &layout.stack_sizes {
@@ -206,7 +207,7 @@ impl<T: Real> Multifrontal<T> {
     pub(crate) fn factorize(
         &mut self,
         fronts: &Fronts,
-        blocks: &[[T; 6]],
+        blocks: &[[T; P]],
     ) -> Result<(), NotPositive> {
         let layout = &self.layout;
         let threads = match layout.flops > WORTH_A_THREAD {
@@ -215,7 +216,7 @@ impl<T: Real> Multifrontal<T> {
         };
         let (stacks, top_stack) = self.stacks.split_at_mut(layout.tasks.len());
         let (panel_starts, update_starts) = (&layout.panel_starts, &layout.update_starts);
-        let within = Within {
+        let within = Within::<T, D, P> {
             fronts,
             blocks,
             panel_starts,
@@ -267,15 +268,15 @@ impl<T: Real> Multifrontal<T> {
         let top_stack = &mut top_stack[0];
         for &front in &layout.top {
             let panel = &mut self.factor[panel_starts[front]..panel_starts[front + 1]];
-            eliminate(fronts, front, blocks, panel, (my_desk, threads), |child| {
+            eliminate::<T, D, P>(fronts, front, blocks, panel, (my_desk, threads), |child| {
                 let stack = match task_of(child) {
                     Some(task) => &stacks[task],
                     None => &*top_stack,
                 };
                 let start = update_starts[child];
-                &stack[start..start + update_size(fronts, child)]
+                &stack[start..start + update_size(fronts, child, D)]
             })?;
-            let (start, size) = (update_starts[front], update_size(fronts, front));
+            let (start, size) = (update_starts[front], update_size(fronts, front, D));
             top_stack[start..start + size].copy_from_slice(&my_desk.update[..size]);
         }
         Ok(())
@@ -294,8 +295,8 @@ fn first_failure(
 }
 
 /// Scalars of the update matrix of a front: square, its lower half used.
-fn update_size(fronts: &Fronts, front: usize) -> usize {
-    let below = 3 * fronts.rows(front).len();
+fn update_size(fronts: &Fronts, front: usize, dimension: usize) -> usize {
+    let below = dimension * fronts.rows(front).len();
     below * below
 }
 
@@ -325,14 +326,14 @@ fn split(fronts: &Fronts) -> (Vec<Range<usize>>, Vec<usize>) {
 }
 
 /// What all tasks share.
-struct Within<'a, T> {
+struct Within<'a, T, const D: usize, const P: usize> {
     fronts: &'a Fronts,
-    blocks: &'a [[T; 6]],
+    blocks: &'a [[T; P]],
     panel_starts: &'a [usize],
     update_starts: &'a [usize],
 }
 
-impl<T: Real> Within<'_, T> {
+impl<T: Real, const D: usize, const P: usize> Within<'_, T, D, P> {
     /// Eliminates the fronts of one task.
     fn run(
         &self,
@@ -346,11 +347,11 @@ impl<T: Real> Within<'_, T> {
         for front in task {
             let child_update = |child: usize| {
                 let start = self.update_starts[child];
-                &stack[start..start + update_size(fronts, child)]
+                &stack[start..start + update_size(fronts, child, D)]
             };
             let panel = &mut panels[starts[front] - base..starts[front + 1] - base];
-            eliminate(fronts, front, self.blocks, panel, (desk, 1), child_update)?;
-            let (start, size) = (self.update_starts[front], update_size(fronts, front));
+            eliminate::<T, D, P>(fronts, front, self.blocks, panel, (desk, 1), child_update)?;
+            let (start, size) = (self.update_starts[front], update_size(fronts, front, D));
             stack[start..start + size].copy_from_slice(&desk.update[..size]);
         }
         Ok(())
@@ -359,23 +360,23 @@ impl<T: Real> Within<'_, T> {
 
 /// Assembles and eliminates one front: its columns of the factor go into
 /// `panel`, what they leave for the parent into the update of the desk.
-fn eliminate<'a, T: Real + 'a>(
+fn eliminate<'a, T: Real + 'a, const D: usize, const P: usize>(
     fronts: &Fronts,
     front: usize,
-    blocks: &[[T; 6]],
+    blocks: &[[T; P]],
     panel: &mut [T],
     (desk, threads): (&mut Desk<T>, usize),
     child_update: impl Fn(usize) -> &'a [T],
 ) -> Result<(), NotPositive> {
-    let (columns, below) = (3 * fronts.n_columns(front), 3 * fronts.rows(front).len());
+    let (columns, below) = (D * fronts.n_columns(front), D * fronts.rows(front).len());
     let update = &mut desk.update[..below * below];
     let is_small = columns < FEW_COLUMNS || columns + below < FEW_ROWS;
     let result = pulp::Arch::new().dispatch(
         #[inline(always)]
         || {
-            assemble(fronts, front, blocks, panel, update, &child_update);
+            assemble::<T, D, P>(fronts, front, blocks, panel, update, &child_update);
             match is_small {
-                true => eliminate_columns(columns, panel, update),
+                true => eliminate_columns::<T, D>(columns, panel, update),
                 false => Ok(()),
             }
         },
@@ -388,53 +389,50 @@ fn eliminate<'a, T: Real + 'a>(
         }
     };
     result.map_err(|column| NotPositive {
-        column: fronts.first[front] as usize + column / 3,
+        column: fronts.first[front] as usize + column / D,
     })
 }
 
 /// The matrix and the updates of the children, summed up in a front.
 #[inline(always)]
-fn assemble<'a, T: Real + 'a>(
+fn assemble<'a, T: Real + 'a, const D: usize, const P: usize>(
     fronts: &Fronts,
     front: usize,
-    blocks: &[[T; 6]],
+    blocks: &[[T; P]],
     panel: &mut [T],
     update: &mut [T],
     child_update: &impl Fn(usize) -> &'a [T],
 ) {
-    let (n_columns, below) = (fronts.n_columns(front), 3 * fronts.rows(front).len());
-    let height = 3 * n_columns + below;
+    let (n_columns, below) = (fronts.n_columns(front), D * fronts.rows(front).len());
+    let height = D * n_columns + below;
     panel.fill(T::default());
     update.fill(T::default());
     for entry in fronts.entries(front) {
-        let [xx, xy, xz, yy, yz, zz] = blocks[entry.source as usize];
-        for (k, values) in [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
-            .iter()
-            .enumerate()
-        {
-            let start = (3 * entry.column as usize + k) * height + 3 * entry.row as usize;
-            panel[start..start + 3].copy_from_slice(values);
+        let columns = rows::<T, D, P>(&blocks[entry.source as usize]);
+        for (k, values) in columns.iter().enumerate() {
+            let start = (D * entry.column as usize + k) * height + D * entry.row as usize;
+            panel[start..start + D].copy_from_slice(values);
         }
     }
     for &child in fronts.children(front) {
         let child = child as usize;
         let (relative, from) = (fronts.relative(child), child_update(child));
-        let size = 3 * relative.len();
+        let size = D * relative.len();
         for (column, &target) in relative.iter().enumerate() {
             let target = target as usize;
-            for k in 0..3 {
-                let scalar = 3 * column + k;
-                let source = &from[scalar * size + 3 * column..(scalar + 1) * size];
+            for k in 0..D {
+                let scalar = D * column + k;
+                let source = &from[scalar * size + D * column..(scalar + 1) * size];
                 // A whole column of the front, from the row `offset` on.
                 let (into, offset) = match target.checked_sub(n_columns) {
-                    None => (&mut panel[(3 * target + k) * height..][..height], 0),
+                    None => (&mut panel[(D * target + k) * height..][..height], 0),
                     Some(below_column) => {
-                        let start = (3 * below_column + k) * below;
+                        let start = (D * below_column + k) * below;
                         (&mut update[start..start + below], n_columns)
                     }
                 };
-                let (into, _) = into.as_chunks_mut::<3>();
-                let (source, _) = source.as_chunks::<3>();
+                let (into, _) = into.as_chunks_mut::<D>();
+                let (source, _) = source.as_chunks::<D>();
                 for (&row, values) in relative[column..].iter().zip(source) {
                     let target = &mut into[row as usize - offset];
                     for (target, value) in target.iter_mut().zip(values) {
@@ -448,7 +446,7 @@ fn assemble<'a, T: Real + 'a>(
 
 /// Elimination column by column, for narrow fronts; the column where it fails.
 #[inline(always)]
-fn eliminate_columns<T: Real>(
+fn eliminate_columns<T: Real, const D: usize>(
     columns: usize,
     panel: &mut [T],
     update: &mut [T],
@@ -478,12 +476,14 @@ fn eliminate_columns<T: Real>(
     if below > 0 {
         for (j, target) in update.chunks_exact_mut(below).enumerate() {
             let target = &mut target[j..];
-            for block in panel.chunks_exact(3 * height) {
-                let below_row = |k: usize| &block[k * height + columns + j..(k + 1) * height];
-                let (a, b, c) = (below_row(0), below_row(1), below_row(2));
-                let (fa, fb, fc) = (a[0], b[0], c[0]);
-                for (((y, a), b), c) in target.iter_mut().zip(a).zip(b).zip(c) {
-                    *y -= fa * *a + fb * *b + fc * *c;
+            for block in panel.chunks_exact(D * height) {
+                let below: [&[T]; D] = std::array::from_fn(|k| {
+                    let row = &block[k * height + columns + j..(k + 1) * height];
+                    &row[..target.len()]
+                });
+                let factors = below.map(|row| row[0]);
+                for (i, y) in target.iter_mut().enumerate() {
+                    *y -= dot(&factors, &below.map(|row| row[i]));
                 }
             }
         }

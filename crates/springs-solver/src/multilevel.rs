@@ -1,41 +1,42 @@
 //! A preconditioner whose conjugate gradients take nearly the same number of
 //! iterations for any size.
 
+use crate::block::add;
 use crate::conjugate_gradients::Preconditioner;
 use crate::direct::Direct;
-use crate::rows::{Blocks, Rows, add};
+use crate::rows::Rows;
 use crate::{Options, Price, SolveError};
 
 /// A sweep of Gauss and Seidel, a correction that is constant on every
 /// aggregate of blocks, and the sweep backwards.
 ///
 /// Aggregates are neighbourhoods in the graph (as in Vaněk, Mandel and Brezina,
-/// Computing 56, 1996, but not smoothed). A constant on an aggregate has three
-/// components, so the coarse matrix is one of symmetric 3 × 3 blocks again; it
+/// Computing 56, 1996, but not smoothed). A constant on an aggregate has as many
+/// components as a block, so the coarse matrix is one of such blocks again; it
 /// is factorized, or, where that would be much work, has a coarser one itself.
-pub(crate) struct Multilevel {
-    inverses: Vec<[f64; 6]>,
+pub(crate) struct Multilevel<const D: usize, const P: usize> {
+    inverses: Vec<[f64; P]>,
     /// Aggregate of each block.
     aggregates: Vec<u32>,
     /// Coarse pair of each pair of the caller; `INSIDE` of an aggregate there
     /// is none.
     coarse_pairs: Vec<u32>,
-    coarse: Coarse,
-    coarse_diagonal: Vec<[f64; 6]>,
-    coarse_off_diagonal: Vec<[f64; 6]>,
-    coarse_vector: Vec<[f64; 3]>,
-    swept: Vec<[f64; 3]>,
-    rest: Vec<[f64; 3]>,
+    coarse: Coarse<D, P>,
+    coarse_diagonal: Vec<[f64; P]>,
+    coarse_off_diagonal: Vec<[f64; P]>,
+    coarse_vector: Vec<[f64; D]>,
+    swept: Vec<[f64; D]>,
+    rest: Vec<[f64; D]>,
 }
 
 /// What solves for the correction.
-enum Coarse {
-    Direct(Box<Direct>),
+enum Coarse<const D: usize, const P: usize> {
+    Direct(Box<Direct<D, P>>),
     /// One application of the next coarser preconditioner.
     Level {
-        matrix: Rows,
-        preconditioner: Box<Multilevel>,
-        solution: Vec<[f64; 3]>,
+        matrix: Rows<P>,
+        preconditioner: Box<Multilevel<D, P>>,
+        solution: Vec<[f64; D]>,
     },
 }
 
@@ -47,7 +48,7 @@ const NONE: u32 = u32::MAX;
 /// has a coarser one.
 const DEAREST_COARSE: f64 = 20.0;
 
-impl Multilevel {
+impl<const D: usize, const P: usize> Multilevel<D, P> {
     pub(crate) fn new(
         n_blocks: usize,
         pairs: &[[u32; 2]],
@@ -84,7 +85,7 @@ impl Multilevel {
             ..Options::default()
         };
         let direct = Direct::new(n_coarse, &distinct, options)?;
-        let dearest = dearest_coarse * Price::of_iteration(n_blocks, pairs.len());
+        let dearest = dearest_coarse * Price::of_iteration::<P>(n_blocks, pairs.len());
         let is_cheap = Price::direct(direct.size()).matrix <= dearest;
         let coarse = match is_cheap || n_coarse == n_blocks {
             true => Coarse::Direct(Box::new(direct)),
@@ -93,33 +94,33 @@ impl Multilevel {
                 Coarse::Level {
                     matrix: Rows::new(n_coarse, &distinct),
                     preconditioner: Box::new(next?),
-                    solution: vec![[0.0; 3]; n_coarse],
+                    solution: vec![[0.0; D]; n_coarse],
                 }
             }
         };
         Ok(Self {
-            inverses: vec![[0.0; 6]; n_blocks],
+            inverses: vec![[0.0; P]; n_blocks],
             aggregates,
             coarse_pairs,
             coarse,
-            coarse_diagonal: vec![[0.0; 6]; n_coarse],
-            coarse_off_diagonal: vec![[0.0; 6]; distinct.len()],
-            coarse_vector: vec![[0.0; 3]; n_coarse],
-            swept: vec![[0.0; 3]; n_blocks],
-            rest: vec![[0.0; 3]; n_blocks],
+            coarse_diagonal: vec![[0.0; P]; n_coarse],
+            coarse_off_diagonal: vec![[0.0; P]; distinct.len()],
+            coarse_vector: vec![[0.0; D]; n_coarse],
+            swept: vec![[0.0; D]; n_blocks],
+            rest: vec![[0.0; D]; n_blocks],
         })
     }
 
     /// Memory, in bytes; `None` if it cannot be counted.
     pub(crate) fn memory(&self) -> Option<u64> {
         let (n_blocks, n_coarse) = (self.inverses.len(), self.coarse_diagonal.len());
-        let own = 100 * n_blocks + 4 * self.coarse_pairs.len();
-        let coarse_values = 72 * n_coarse + 48 * self.coarse_off_diagonal.len();
+        let own = (8 * P + 16 * D + 4) * n_blocks + 4 * self.coarse_pairs.len();
+        let coarse_values = 8 * (P + D) * n_coarse + 8 * P * self.coarse_off_diagonal.len();
         let coarse = match &self.coarse {
             Coarse::Direct(direct) => direct.double_memory()?,
             Coarse::Level { preconditioner, .. } => {
-                Rows::memory(n_coarse, self.coarse_off_diagonal.len())
-                    + 24 * n_coarse as u64
+                Rows::<P>::memory(n_coarse, self.coarse_off_diagonal.len())
+                    + (8 * D * n_coarse) as u64
                     + preconditioner.memory()?
             }
         };
@@ -132,10 +133,10 @@ impl Multilevel {
     ///
     /// If that of a block or the coarse matrix, and so the matrix, is not
     /// positive definite.
-    pub(crate) fn set(&mut self, matrix: &Rows) -> Result<(), SolveError> {
-        matrix.invert_diagonal(&mut self.inverses)?;
-        self.coarse_diagonal.fill([0.0; 6]);
-        self.coarse_off_diagonal.fill([0.0; 6]);
+    pub(crate) fn set(&mut self, matrix: &Rows<P>) -> Result<(), SolveError> {
+        matrix.invert_diagonal::<D>(&mut self.inverses)?;
+        self.coarse_diagonal.fill([0.0; P]);
+        self.coarse_off_diagonal.fill([0.0; P]);
         for (block, &aggregate) in matrix.diagonal().iter().zip(&self.aggregates) {
             add(&mut self.coarse_diagonal[aggregate as usize], *block);
         }
@@ -178,8 +179,8 @@ impl Multilevel {
 
     /// Adds what is constant on aggregates and takes the sums of the residual
     /// `r` over aggregates away.
-    pub(crate) fn correct(&mut self, r: &Blocks, z: &mut Blocks) {
-        self.coarse_vector.fill([0.0; 3]);
+    pub(crate) fn correct(&mut self, r: &[[f64; D]], z: &mut [[f64; D]]) {
+        self.coarse_vector.fill([0.0; D]);
         for (r, &aggregate) in r.iter().zip(&self.aggregates) {
             add(&mut self.coarse_vector[aggregate as usize], *r);
         }
@@ -203,8 +204,8 @@ impl Multilevel {
     }
 }
 
-impl Preconditioner for Multilevel {
-    fn apply(&mut self, matrix: &Rows, r: &Blocks, z: &mut Blocks) {
+impl<const D: usize, const P: usize> Preconditioner<D, P> for Multilevel<D, P> {
+    fn apply(&mut self, matrix: &Rows<P>, r: &[[f64; D]], z: &mut [[f64; D]]) {
         let (mut swept, mut rest) = (
             std::mem::take(&mut self.swept),
             std::mem::take(&mut self.rest),
@@ -283,7 +284,7 @@ mod tests {
     }
 
     /// Unit springs in all directions and a mass.
-    fn membrane(side: u32, mass: f64) -> (Rows, Vec<[u32; 2]>) {
+    fn membrane(side: u32, mass: f64) -> (Rows<6>, Vec<[u32; 2]>) {
         let pairs = grid(side);
         let n_blocks = (side * side) as usize;
         let identity = |s: f64| [s, 0.0, 0.0, s, 0.0, s];
@@ -301,7 +302,7 @@ mod tests {
         let (rows, pairs) = membrane(side, 1e-2);
         let n_blocks = rows.n_blocks();
         let mut multilevel =
-            Multilevel::with_dearest_coarse(n_blocks, &pairs, 1, dearest_coarse).unwrap();
+            Multilevel::<3, 6>::with_dearest_coarse(n_blocks, &pairs, 1, dearest_coarse).unwrap();
         multilevel.set(&rows).unwrap();
         let mut gradients = ConjugateGradients::new(n_blocks);
         for (block, r) in gradients.residual.iter_mut().enumerate() {
@@ -342,7 +343,7 @@ mod tests {
     #[test]
     fn a_correction_leaves_no_sum_on_any_aggregate() {
         let (rows, pairs) = membrane(12, 1.0);
-        let mut multilevel = Multilevel::new(144, &pairs, 1).unwrap();
+        let mut multilevel = Multilevel::<3, 6>::new(144, &pairs, 1).unwrap();
         multilevel.set(&rows).unwrap();
         let b: Vec<[f64; 3]> = (0..144).map(|k| [1.0, f64::from(k).sin(), 2.0]).collect();
         let mut x = vec![[0.0; 3]; 144];

@@ -1,7 +1,7 @@
 //! Which way a system is solved.
 
-use crate::FactorSize;
 use crate::direct::Direct;
+use crate::{Experience, FactorSize};
 
 /// Which way systems are solved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,8 +42,8 @@ impl Price {
     }
 
     /// Of an iteration with a matrix of such a pattern.
-    pub(crate) fn of_iteration(n_blocks: usize, n_pairs: usize) -> f64 {
-        200.0 + 10.0 * n_pairs as f64 + 20.0 * n_blocks as f64
+    pub(crate) fn of_iteration<const P: usize>(n_blocks: usize, n_pairs: usize) -> f64 {
+        200.0 + P as f64 / 6.0 * (10.0 * n_pairs as f64 + 20.0 * n_blocks as f64)
     }
 }
 
@@ -56,13 +56,7 @@ pub(crate) struct Chooser {
     direct: Route,
     direct_price: Price,
     iteration: f64,
-    /// Iterations that the present matrix took so far.
-    iterations: f64,
-    is_iterative: bool,
-    /// Matrices until iteration is tried again, and how long the next such
-    /// pause will be.
-    pause: u32,
-    next_pause: u32,
+    pub(crate) experience: Experience,
 }
 
 /// Factorizations below this many operations are not worth single precision.
@@ -79,7 +73,12 @@ const FIRST_PAUSE: u32 = 16;
 const LONGEST_PAUSE: u32 = 1024;
 
 impl Chooser {
-    pub(crate) fn new(n_blocks: usize, n_pairs: usize, direct: &Direct, asked: Route) -> Self {
+    pub(crate) fn new<const D: usize, const P: usize>(
+        n_blocks: usize,
+        n_pairs: usize,
+        direct: &Direct<D, P>,
+        asked: Route,
+    ) -> Self {
         let size = direct.size();
         let mut chooser = Self {
             asked: match direct.is_tree() {
@@ -92,11 +91,11 @@ impl Chooser {
                 _ => Route::Double,
             },
             direct_price: Price::direct(size),
-            iteration: Price::of_iteration(n_blocks, n_pairs),
-            iterations: 0.0,
-            is_iterative: false,
-            pause: 0,
-            next_pause: FIRST_PAUSE,
+            iteration: Price::of_iteration::<P>(n_blocks, n_pairs),
+            experience: Experience {
+                next_pause: FIRST_PAUSE,
+                ..Experience::default()
+            },
         };
         if chooser.asked == Route::Auto && !chooser.is_cheap(USUAL_ITERATIONS) {
             chooser.asked = chooser.direct;
@@ -146,27 +145,29 @@ impl Chooser {
 
     /// The route of the next matrix.
     pub(crate) fn next(&mut self) -> Route {
-        if self.is_iterative && self.asked == Route::Auto {
-            if self.is_cheap(self.iterations) {
-                self.next_pause = FIRST_PAUSE;
-            } else {
-                self.pause = self.next_pause;
-                self.next_pause = (2 * self.next_pause).min(LONGEST_PAUSE);
+        let last = self.experience;
+        let is_dear = !self.is_cheap(last.iterations);
+        let now = &mut self.experience;
+        if last.is_iterative && self.asked == Route::Auto {
+            now.next_pause = FIRST_PAUSE;
+            if is_dear {
+                now.pause = last.next_pause;
+                now.next_pause = (2 * last.next_pause).min(LONGEST_PAUSE);
             }
         }
-        let route = match self.pause {
-            0 => self.first(),
-            _ => self.direct,
-        };
-        self.pause = self.pause.saturating_sub(1);
-        self.iterations = 0.0;
-        self.is_iterative = route == Route::Iterative;
-        route
+        let is_iterative = now.pause == 0 && matches!(self.asked, Route::Iterative | Route::Auto);
+        now.pause = now.pause.saturating_sub(1);
+        now.iterations = 0.0;
+        now.is_iterative = is_iterative;
+        match is_iterative {
+            true => Route::Iterative,
+            false => self.direct,
+        }
     }
 
     /// Takes note of a solution by iteration.
     pub(crate) fn record(&mut self, iterations: u64) {
-        self.iterations += iterations as f64;
+        self.experience.iterations += iterations as f64;
     }
 
     /// Iterations after which a solution is given up.

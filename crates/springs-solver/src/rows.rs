@@ -1,22 +1,20 @@
-//! Symmetric matrices of 3 × 3 blocks, by rows of the upper triangle.
+//! Symmetric matrices of blocks, by rows of the upper triangle.
 
 use crate::SolveError;
-
-/// A block vector.
-pub(crate) type Blocks = [[f64; 3]];
+use crate::block::{add, invert, subtract, times};
 
 /// A symmetric matrix whose blocks are symmetric, too: the diagonal, and the
 /// strictly upper triangle row by row with ascending columns.
-pub(crate) struct Rows {
+pub(crate) struct Rows<const P: usize> {
     starts: Vec<usize>,
     columns: Vec<u32>,
     /// Which of the caller's pairs each entry is.
     sources: Vec<u32>,
-    diagonal: Vec<[f64; 6]>,
-    upper: Vec<[f64; 6]>,
+    diagonal: Vec<[f64; P]>,
+    upper: Vec<[f64; P]>,
 }
 
-impl Rows {
+impl<const P: usize> Rows<P> {
     /// The pattern with the given pairs; all values are zero.
     pub(crate) fn new(n_blocks: usize, pairs: &[[u32; 2]]) -> Self {
         let mut entries: Vec<([u32; 2], u32)> = pairs
@@ -32,14 +30,14 @@ impl Rows {
             starts,
             columns: entries.iter().map(|entry| entry.0[1]).collect(),
             sources: entries.iter().map(|entry| entry.1).collect(),
-            diagonal: vec![[0.0; 6]; n_blocks],
-            upper: vec![[0.0; 6]; pairs.len()],
+            diagonal: vec![[0.0; P]; n_blocks],
+            upper: vec![[0.0; P]; pairs.len()],
         }
     }
 
     /// Memory of such a matrix, in bytes.
     pub(crate) fn memory(n_blocks: usize, n_pairs: usize) -> u64 {
-        (56 * n_blocks + 56 * n_pairs) as u64
+        ((8 + 8 * P) * (n_blocks + n_pairs)) as u64
     }
 
     pub(crate) fn n_blocks(&self) -> usize {
@@ -50,12 +48,12 @@ impl Rows {
         self.upper.len()
     }
 
-    pub(crate) fn diagonal(&self) -> &[[f64; 6]] {
+    pub(crate) fn diagonal(&self) -> &[[f64; P]] {
         &self.diagonal
     }
 
     /// Takes values, off-diagonal ones in the order of the caller's pairs.
-    pub(crate) fn set(&mut self, diagonal: &[[f64; 6]], off_diagonal: &[[f64; 6]]) {
+    pub(crate) fn set(&mut self, diagonal: &[[f64; P]], off_diagonal: &[[f64; P]]) {
         self.diagonal.copy_from_slice(diagonal);
         for (entry, &source) in self.upper.iter_mut().zip(&self.sources) {
             *entry = off_diagonal[source as usize];
@@ -63,7 +61,7 @@ impl Rows {
     }
 
     /// Every off-diagonal block once: row, column, the caller's pair, values.
-    pub(crate) fn pairs(&self) -> impl Iterator<Item = (usize, usize, usize, &[f64; 6])> {
+    pub(crate) fn pairs(&self) -> impl Iterator<Item = (usize, usize, usize, &[f64; P])> {
         (0..self.n_blocks()).flat_map(move |row| {
             self.row(row)
                 .map(move |(column, entry)| (row, column, self.sources[entry] as usize))
@@ -81,13 +79,13 @@ impl Rows {
     }
 
     /// y = A x.
-    pub(crate) fn multiply(&self, x: &Blocks, y: &mut Blocks) {
+    pub(crate) fn multiply<const D: usize>(&self, x: &[[f64; D]], y: &mut [[f64; D]]) {
         for ((y, x), block) in y.iter_mut().zip(x).zip(&self.diagonal) {
             *y = times(block, x);
         }
         for row in 0..self.n_blocks() {
             let here = x[row];
-            let mut sum = [0.0; 3];
+            let mut sum = [0.0; D];
             for (column, entry) in self.row(row) {
                 let block = &self.upper[entry];
                 add(&mut sum, times(block, &x[column]));
@@ -98,9 +96,9 @@ impl Rows {
     }
 
     /// y = U x with the strictly upper triangle U.
-    pub(crate) fn multiply_upper(&self, x: &Blocks, y: &mut Blocks) {
+    pub(crate) fn multiply_upper<const D: usize>(&self, x: &[[f64; D]], y: &mut [[f64; D]]) {
         for (row, y) in y.iter_mut().enumerate() {
-            *y = [0.0; 3];
+            *y = [0.0; D];
             for (column, entry) in self.row(row) {
                 add(y, times(&self.upper[entry], &x[column]));
             }
@@ -108,7 +106,7 @@ impl Rows {
     }
 
     /// y −= L x with the strictly lower triangle L = Uᵀ.
-    pub(crate) fn subtract_lower(&self, x: &Blocks, y: &mut Blocks) {
+    pub(crate) fn subtract_lower<const D: usize>(&self, x: &[[f64; D]], y: &mut [[f64; D]]) {
         for (row, x) in x.iter().enumerate() {
             for (column, entry) in self.row(row) {
                 subtract(&mut y[column], times(&self.upper[entry], x));
@@ -118,7 +116,12 @@ impl Rows {
 
     /// Solves (D + L) x = b with the inverses of the diagonal blocks; `b` is
     /// used up.
-    pub(crate) fn solve_lower(&self, inverses: &[[f64; 6]], b: &mut Blocks, x: &mut Blocks) {
+    pub(crate) fn solve_lower<const D: usize>(
+        &self,
+        inverses: &[[f64; P]],
+        b: &mut [[f64; D]],
+        x: &mut [[f64; D]],
+    ) {
         for row in 0..self.n_blocks() {
             let here = times(&inverses[row], &b[row]);
             x[row] = here;
@@ -129,7 +132,12 @@ impl Rows {
     }
 
     /// Solves (D + U) x = b.
-    pub(crate) fn solve_upper(&self, inverses: &[[f64; 6]], b: &Blocks, x: &mut Blocks) {
+    pub(crate) fn solve_upper<const D: usize>(
+        &self,
+        inverses: &[[f64; P]],
+        b: &[[f64; D]],
+        x: &mut [[f64; D]],
+    ) {
         for row in (0..self.n_blocks()).rev() {
             let mut rest = b[row];
             for (column, entry) in self.row(row) {
@@ -144,64 +152,14 @@ impl Rows {
     /// # Errors
     ///
     /// If one of them, and so the matrix, is not positive definite.
-    pub(crate) fn invert_diagonal(&self, inverses: &mut [[f64; 6]]) -> Result<(), SolveError> {
+    pub(crate) fn invert_diagonal<const D: usize>(
+        &self,
+        inverses: &mut [[f64; P]],
+    ) -> Result<(), SolveError> {
         for (block, (inverse, values)) in inverses.iter_mut().zip(&self.diagonal).enumerate() {
-            *inverse = invert(values).ok_or(SolveError::NotPositiveDefinite { block })?;
+            *inverse = invert::<D, P>(values).ok_or(SolveError::NotPositiveDefinite { block })?;
         }
         Ok(())
-    }
-}
-
-/// The inverse of a packed symmetric block, if it is positive definite.
-fn invert(b: &[f64; 6]) -> Option<[f64; 6]> {
-    // Cholesky with the diagonal apart, B = L D Lᵀ.
-    let d0 = b[0];
-    let (l10, l20) = (b[1] / d0, b[2] / d0);
-    let d1 = b[3] - l10 * b[1];
-    let l21 = (b[4] - l20 * b[1]) / d1;
-    let d2 = b[5] - l20 * b[2] - l21 * l21 * d1;
-    let is_definite = d0 > 0.0 && d1 > 0.0 && d2 > 0.0;
-    if !is_definite {
-        return None;
-    }
-    // The rows of L⁻¹ are (1), (−l10, 1), (m20, −l21, 1).
-    let m20 = l10 * l21 - l20;
-    let (e0, e1, e2) = (1.0 / d0, 1.0 / d1, 1.0 / d2);
-    let inverse = [
-        e0 + l10 * l10 * e1 + m20 * m20 * e2,
-        -l10 * e1 - m20 * l21 * e2,
-        m20 * e2,
-        e1 + l21 * l21 * e2,
-        -l21 * e2,
-        e2,
-    ];
-    inverse
-        .iter()
-        .all(|entry| entry.is_finite())
-        .then_some(inverse)
-}
-
-/// B x for a packed symmetric block.
-#[inline(always)]
-pub(crate) fn times(b: &[f64; 6], x: &[f64; 3]) -> [f64; 3] {
-    [
-        b[0] * x[0] + b[1] * x[1] + b[2] * x[2],
-        b[1] * x[0] + b[3] * x[1] + b[4] * x[2],
-        b[2] * x[0] + b[4] * x[1] + b[5] * x[2],
-    ]
-}
-
-#[inline(always)]
-pub(crate) fn add<const N: usize>(y: &mut [f64; N], x: [f64; N]) {
-    for (y, x) in y.iter_mut().zip(x) {
-        *y += x;
-    }
-}
-
-#[inline(always)]
-fn subtract(y: &mut [f64; 3], x: [f64; 3]) {
-    for (y, x) in y.iter_mut().zip(x) {
-        *y -= x;
     }
 }
 
@@ -210,7 +168,7 @@ mod tests {
     use super::*;
     use nalgebra::{DMatrix, DVector, Matrix3};
 
-    fn example() -> (Rows, DMatrix<f64>) {
+    fn example() -> (Rows<6>, DMatrix<f64>) {
         let pairs = [[2, 0], [1, 2], [3, 1], [0, 3]];
         let mut rows = Rows::new(4, &pairs);
         let block =
@@ -236,7 +194,7 @@ mod tests {
         (rows, dense)
     }
 
-    fn vector(blocks: &Blocks) -> DVector<f64> {
+    fn vector(blocks: &[[f64; 3]]) -> DVector<f64> {
         DVector::from_column_slice(blocks.as_flattened())
     }
 
@@ -257,7 +215,7 @@ mod tests {
             }
         }
         let mut y = vec![[0.0; 3]; 4];
-        let near = |y: &Blocks, expected: DVector<f64>| {
+        let near = |y: &[[f64; 3]], expected: DVector<f64>| {
             let error = (vector(y) - expected).amax();
             assert!(error < 1e-13, "{error:e}");
         };
@@ -273,18 +231,11 @@ mod tests {
         );
 
         let mut inverses = vec![[0.0; 6]; 4];
-        rows.invert_diagonal(&mut inverses).unwrap();
+        rows.invert_diagonal::<3>(&mut inverses).unwrap();
         let sum = &diagonal + &upper;
         rows.solve_upper(&inverses, &x, &mut y);
         near(&(y.clone()), sum.clone().lu().solve(&vector(&x)).unwrap());
         rows.solve_lower(&inverses, &mut x.clone(), &mut y);
         near(&y, sum.transpose().lu().solve(&vector(&x)).unwrap());
-    }
-
-    #[test]
-    fn an_indefinite_diagonal_block_is_found() {
-        assert!(invert(&[1.0, 2.0, 0.0, 1.0, 0.0, 1.0]).is_none());
-        assert!(invert(&[1.0, 0.0, 0.0, 1.0, 0.0, f64::NAN]).is_none());
-        assert!(invert(&[0.0; 6]).is_none());
     }
 }

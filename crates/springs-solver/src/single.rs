@@ -1,24 +1,25 @@
 //! A factor in single precision.
 
+use crate::block::packed;
 use crate::conjugate_gradients::Preconditioner;
 use crate::fronts::Fronts;
 use crate::multifrontal::{Multifrontal, NotPositive};
-use crate::rows::{Blocks, Rows};
+use crate::rows::Rows;
 
 /// Half the bytes and twice the operations a second of a factor in double
 /// precision: as a preconditioner it leaves conjugate gradients a few
 /// iterations.
-pub(crate) struct Single {
-    factor: Multifrontal<f32>,
+pub(crate) struct Single<const D: usize, const P: usize> {
+    factor: Multifrontal<f32, D, P>,
     /// The scaled matrix in single precision.
-    blocks: Vec<[f32; 6]>,
+    blocks: Vec<[f32; P]>,
     permuted: Vec<f32>,
     /// Powers of two that make all diagonals about one, so that the range of
     /// single precision is enough for any units.
     scales: Vec<f64>,
 }
 
-impl Single {
+impl<const D: usize, const P: usize> Single<D, P> {
     /// `None` without enough memory.
     pub(crate) fn new(
         fronts: &Fronts,
@@ -28,28 +29,33 @@ impl Single {
     ) -> Option<Self> {
         Some(Self {
             factor: Multifrontal::new(fronts, threads)?,
-            blocks: vec![[0.0; 6]; n_blocks + n_pairs],
-            permuted: vec![0.0; 3 * n_blocks],
+            blocks: vec![[0.0; P]; n_blocks + n_pairs],
+            permuted: vec![0.0; D * n_blocks],
             scales: vec![1.0; n_blocks],
         })
     }
 
     /// Memory beside the factor, in bytes.
     pub(crate) fn memory(n_blocks: usize, n_pairs: usize) -> u64 {
-        (44 * n_blocks + 24 * n_pairs) as u64
+        ((8 + 4 * D + 4 * P) * n_blocks + 4 * P * n_pairs) as u64
     }
 
-    pub(crate) fn factorize(&mut self, fronts: &Fronts, matrix: &Rows) -> Result<(), NotPositive> {
+    pub(crate) fn factorize(
+        &mut self,
+        fronts: &Fronts,
+        matrix: &Rows<P>,
+    ) -> Result<(), NotPositive> {
         let diagonal = matrix.diagonal();
         for (scale, block) in self.scales.iter_mut().zip(diagonal) {
-            let largest = block[0].max(block[3]).max(block[5]);
+            let diagonal = (0..D).map(|axis| block[packed::<D>(axis, axis)]);
+            let largest = diagonal.fold(0.0, f64::max);
             *scale = match largest > 0.0 && largest.is_finite() {
                 true => (-0.5 * largest.log2()).round().exp2(),
                 false => 1.0,
             };
         }
         let (diagonals, pair_blocks) = self.blocks.split_at_mut(diagonal.len());
-        let scaled = |block: &[f64; 6], scale: f64| block.map(|value| (scale * value) as f32);
+        let scaled = |block: &[f64; P], scale: f64| block.map(|value| (scale * value) as f32);
         for ((target, block), scale) in diagonals.iter_mut().zip(diagonal).zip(&self.scales) {
             *target = scaled(block, scale * scale);
         }
@@ -61,26 +67,26 @@ impl Single {
 }
 
 /// The last factor, with the order of its columns.
-pub(crate) struct Substitution<'a> {
-    pub(crate) single: &'a mut Single,
+pub(crate) struct Substitution<'a, const D: usize, const P: usize> {
+    pub(crate) single: &'a mut Single<D, P>,
     pub(crate) fronts: &'a Fronts,
     pub(crate) order: &'a [usize],
 }
 
-impl Preconditioner for Substitution<'_> {
-    fn apply(&mut self, _matrix: &Rows, r: &Blocks, z: &mut Blocks) {
+impl<const D: usize, const P: usize> Preconditioner<D, P> for Substitution<'_, D, P> {
+    fn apply(&mut self, _matrix: &Rows<P>, r: &[[f64; D]], z: &mut [[f64; D]]) {
         let Single {
             factor,
             permuted,
             scales,
             ..
         } = &mut *self.single;
-        for (target, &block) in permuted.as_chunks_mut::<3>().0.iter_mut().zip(self.order) {
+        for (target, &block) in permuted.as_chunks_mut::<D>().0.iter_mut().zip(self.order) {
             let scale = scales[block];
             *target = r[block].map(|value| (scale * value) as f32);
         }
         factor.solve_in_place(self.fronts, permuted);
-        for (source, &block) in permuted.as_chunks::<3>().0.iter().zip(self.order) {
+        for (source, &block) in permuted.as_chunks::<D>().0.iter().zip(self.order) {
             let scale = scales[block];
             z[block] = source.map(|value| scale * f64::from(value));
         }

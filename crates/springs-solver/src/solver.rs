@@ -1,11 +1,22 @@
-//! Systems on a pattern analyzed once, solved directly or by iteration.
+//! Systems on a pattern analyzed once.
 
-use crate::conjugate_gradients::{ConjugateGradients, Ending};
-use crate::direct::Direct;
-use crate::multilevel::Multilevel;
-use crate::route::Chooser;
-use crate::rows::Rows;
-use crate::{Counts, Options, Price, Route, SolveError};
+use crate::block::{dot, packed, times};
+use crate::core::Core;
+use crate::{Counts, Experience, Options, Price, SolveError};
+
+/// Where solutions are known to lie, and what the matrices are then like.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Subspace {
+    /// Anywhere.
+    Space,
+    /// In the plane of two orthonormal vectors; right-hand sides do, too, and
+    /// the matrix keeps it that way.
+    Plane([[f64; 3]; 2]),
+    /// Along a unit vector, likewise.
+    Line([f64; 3]),
+    /// Anywhere, but every block is a multiple of the identity.
+    Isotropic,
+}
 
 /// A solver of A x = b with matrices of one pattern.
 ///
@@ -24,30 +35,28 @@ use crate::{Counts, Options, Price, Route, SolveError};
 pub struct Solver {
     n_blocks: usize,
     n_pairs: usize,
-    direct: Direct,
-    /// Allocated where conjugate gradients may be wanted.
-    iterative: Option<Iterative>,
-    /// How the present matrix is solved.
-    now: Route,
-    chooser: Chooser,
-    counts: Counts,
+    solutions: u64,
+    kind: Kind,
 }
 
-/// What conjugate gradients take.
-struct Iterative {
-    matrix: Rows,
-    gradients: ConjugateGradients,
-    solution: Vec<[f64; 3]>,
-    /// Not needed where the factor in single precision is the preconditioner.
-    multilevel: Option<Multilevel>,
+/// The same by dimension.
+enum Kind {
+    Space(Box<Core<3, 6>>),
+    Plane(Reduced<2, 3>),
+    Line(Reduced<1, 1>),
+    Isotropic(Reduced<1, 1>),
 }
 
-/// Relative accuracy of a solution with a factor in single precision; another
-/// digit costs next to nothing there.
-const MIXED_ACCURACY: f64 = 1e-11;
-/// A factor in double precision is better than more iterations than this with
-/// one in single precision.
-const MOST_MIXED_ITERATIONS: usize = 24;
+/// A solver of matrices in a subspace.
+struct Reduced<const D: usize, const P: usize> {
+    core: Box<Core<D, P>>,
+    basis: [[f64; 3]; D],
+    /// The last matrix, which stands if the next is the same.
+    diagonal: Vec<[f64; P]>,
+    off_diagonal: Vec<[f64; P]>,
+    is_set: bool,
+    x: Vec<[f64; D]>,
+}
 
 impl Solver {
     /// Orders and factorizes symbolically, and decides on the route to begin
@@ -69,20 +78,20 @@ impl Solver {
         pairs: &[[u32; 2]],
         options: Options<'_>,
     ) -> Result<Self, SolveError> {
-        let direct = Direct::new(n_blocks, pairs, options)?;
-        let chooser = Chooser::new(n_blocks, pairs.len(), &direct, options.route);
-        let iterative = match chooser.may_iterate() || chooser.may_mix() {
-            true => Some(Iterative::new(n_blocks, pairs, &chooser, options.threads)?),
-            false => None,
+        let kind = match options.subspace {
+            Subspace::Space => Kind::Space(Box::new(Core::analyze(n_blocks, pairs, options)?)),
+            Subspace::Plane(basis) => Kind::Plane(Reduced::new(n_blocks, pairs, options, basis)?),
+            Subspace::Line(basis) => Kind::Line(Reduced::new(n_blocks, pairs, options, [basis])?),
+            Subspace::Isotropic => {
+                let first = [1.0, 0.0, 0.0];
+                Kind::Isotropic(Reduced::new(n_blocks, pairs, options, [first])?)
+            }
         };
         Ok(Self {
             n_blocks,
             n_pairs: pairs.len(),
-            direct,
-            iterative,
-            now: Route::Double,
-            chooser,
-            counts: Counts::default(),
+            solutions: 0,
+            kind,
         })
     }
 
@@ -100,9 +109,18 @@ impl Solver {
         pairs: &[[u32; 2]],
         options: Options<'_>,
     ) -> Result<Price, SolveError> {
-        let direct = Direct::new(n_blocks, pairs, options)?;
-        let chooser = Chooser::new(n_blocks, pairs.len(), &direct, options.route);
-        Ok(chooser.price())
+        match options.subspace {
+            Subspace::Space => Core::<3, 6>::price(n_blocks, pairs, options),
+            Subspace::Plane(_) => Core::<2, 3>::price(n_blocks, pairs, options),
+            Subspace::Line(_) => Core::<1, 1>::price(n_blocks, pairs, options),
+            Subspace::Isotropic => {
+                let one = Core::<1, 1>::price(n_blocks, pairs, options)?;
+                Ok(Price {
+                    solution: 3.0 * one.solution,
+                    ..one
+                })
+            }
+        }
     }
 
     /// Memory, in bytes, that a solver with these options will begin with. What
@@ -120,15 +138,14 @@ impl Solver {
         pairs: &[[u32; 2]],
         options: Options<'_>,
     ) -> Result<u64, SolveError> {
-        let solver = Self::analyze(n_blocks, pairs, options)?;
-        let iterative = solver.iterative.as_ref().map_or(Some(0), Iterative::memory);
-        let factor = match solver.chooser.first() {
-            Route::Iterative => Some(0),
-            Route::Mixed => solver.direct.single_memory(),
-            Route::Double | Route::Auto => solver.direct.double_memory(),
-        };
-        let sum = iterative.and_then(|iterative| Some(iterative + factor?));
-        sum.ok_or(SolveError::TooLarge { n_blocks })
+        let reduced = |d: usize, p: usize| (8 * (d + p) * n_blocks + 8 * p * pairs.len()) as u64;
+        Ok(match options.subspace {
+            Subspace::Space => Core::<3, 6>::memory(n_blocks, pairs, options)?,
+            Subspace::Plane(_) => reduced(2, 3) + Core::<2, 3>::memory(n_blocks, pairs, options)?,
+            Subspace::Line(_) | Subspace::Isotropic => {
+                reduced(1, 1) + Core::<1, 1>::memory(n_blocks, pairs, options)?
+            }
+        })
     }
 
     /// Number of block rows.
@@ -136,16 +153,31 @@ impl Solver {
         self.n_blocks
     }
 
+    /// What it has learned of the last matrices.
+    pub fn experience(&mut self) -> &mut Experience {
+        match &mut self.kind {
+            Kind::Space(core) => core.experience(),
+            Kind::Plane(reduced) => reduced.core.experience(),
+            Kind::Line(reduced) | Kind::Isotropic(reduced) => reduced.core.experience(),
+        }
+    }
+
     /// What was done so far.
     pub fn counts(&self) -> Counts {
-        self.counts
+        let counts = match &self.kind {
+            Kind::Space(core) => core.counts(),
+            Kind::Plane(reduced) => reduced.core.counts(),
+            Kind::Line(reduced) | Kind::Isotropic(reduced) => reduced.core.counts(),
+        };
+        Counts {
+            solutions: self.solutions,
+            ..counts
+        }
     }
 
     /// Takes the matrix with the given blocks, each packed as
-    /// (xx, xy, xz, yy, yz, zz), and factorizes it or prepares iterations.
-    ///
-    /// Where single precision finds the matrix indefinite, double precision
-    /// decides.
+    /// (xx, xy, xz, yy, yz, zz), and factorizes it or prepares iterations. If
+    /// it is the last one, that stands.
     ///
     /// # Errors
     ///
@@ -163,38 +195,13 @@ impl Solver {
     ) -> Result<(), SolveError> {
         assert_eq!(diagonal.len(), self.n_blocks, "one diagonal block per row");
         assert_eq!(off_diagonal.len(), self.n_pairs, "one block per pair");
-        self.now = self.chooser.next();
-        let Some(iterative) = self
-            .iterative
-            .as_mut()
-            .filter(|_| self.now != Route::Double)
-        else {
-            self.counts.factorizations += 1;
-            return self.direct.factorize(diagonal, off_diagonal);
-        };
-        iterative.matrix.set(diagonal, off_diagonal);
-        match self.now {
-            Route::Iterative => {
-                let multilevel = iterative.multilevel.as_mut().expect("made with the route");
-                multilevel.set(&iterative.matrix)
-            }
-            _ => self.factorize(),
-        }
-    }
-
-    /// Factorizes the matrix by rows: in single precision, if that is the route,
-    /// or else in double.
-    fn factorize(&mut self) -> Result<(), SolveError> {
-        let iterative = self.iterative.as_ref().expect("the matrix by rows");
-        if self.now == Route::Mixed {
-            self.counts.factorizations += 1;
-            match self.direct.factorize_single(&iterative.matrix) {
-                Err(SolveError::NotPositiveDefinite { .. }) => self.now = Route::Double,
-                done => return done,
+        match &mut self.kind {
+            Kind::Space(core) => core.set_matrix(diagonal, off_diagonal),
+            Kind::Plane(reduced) => reduced.set_matrix(diagonal, off_diagonal),
+            Kind::Line(reduced) | Kind::Isotropic(reduced) => {
+                reduced.set_matrix(diagonal, off_diagonal)
             }
         }
-        self.counts.factorizations += 1;
-        self.direct.factorize_rows(&iterative.matrix)
     }
 
     /// Replaces b in `rhs` by the solution of A x = b with the matrix of the
@@ -207,8 +214,7 @@ impl Solver {
     ///
     /// # Errors
     ///
-    /// If the matrix turns out not to be positive definite; `rhs` is then as it
-    /// was.
+    /// If the matrix turns out not to be positive definite.
     ///
     /// # Panics
     ///
@@ -219,105 +225,117 @@ impl Solver {
             rest.is_empty() && blocks.len() == self.n_blocks,
             "three entries per block row"
         );
-        self.counts.solutions += 1;
-        if self.now == Route::Iterative {
-            let most = self.chooser.most_iterations();
-            let (ending, iterations) = self.iterate(blocks, accuracy, most);
-            self.chooser.record(iterations);
-            match ending {
-                Ending::Converged => return Ok(()),
-                Ending::Indefinite { block } => {
-                    return Err(SolveError::NotPositiveDefinite { block });
-                }
-                Ending::Stalled => {
-                    self.now = self.chooser.direct();
-                    self.factorize()?;
-                }
+        self.solutions += 1;
+        match &mut self.kind {
+            Kind::Space(core) => core.solve_in_place(blocks, accuracy),
+            Kind::Plane(reduced) => reduced.solve_in_place(blocks, accuracy),
+            Kind::Line(reduced) => reduced.solve_in_place(blocks, accuracy),
+            Kind::Isotropic(reduced) => {
+                (0..3).try_for_each(|axis| reduced.solve_axis(blocks, axis, accuracy))
             }
         }
-        if self.now == Route::Mixed {
-            let (ending, _) = self.iterate(blocks, MIXED_ACCURACY, MOST_MIXED_ITERATIONS);
-            if ending == Ending::Converged {
-                return Ok(());
-            }
-            self.now = Route::Double;
-            self.factorize()?;
-        }
-        self.direct.solve_in_place(blocks);
-        Ok(())
-    }
-
-    /// Conjugate gradients with the preconditioner of the route; b stays as it
-    /// is unless they converge.
-    fn iterate(
-        &mut self,
-        b: &mut [[f64; 3]],
-        accuracy: f64,
-        most_iterations: usize,
-    ) -> (Ending, u64) {
-        let Iterative {
-            matrix,
-            gradients,
-            solution,
-            multilevel,
-        } = self.iterative.as_mut().expect("made with the route");
-        let before = gradients.iterations;
-        gradients.residual.copy_from_slice(b);
-        let ending = match (self.now, multilevel) {
-            (Route::Iterative, Some(multilevel)) => {
-                let ending =
-                    gradients.solve(matrix, multilevel, accuracy, most_iterations, solution);
-                if ending == Ending::Converged {
-                    multilevel.correct(gradients.residual_after_correction(matrix), solution);
-                }
-                ending
-            }
-            _ => {
-                let mut single = self.direct.single();
-                gradients.solve(matrix, &mut single, accuracy, most_iterations, solution)
-            }
-        };
-        if ending == Ending::Converged {
-            b.copy_from_slice(solution);
-        }
-        let iterations = gradients.iterations - before;
-        self.counts.iterations += iterations;
-        (ending, iterations)
     }
 }
 
-impl Iterative {
+impl<const D: usize, const P: usize> Reduced<D, P> {
     fn new(
         n_blocks: usize,
         pairs: &[[u32; 2]],
-        chooser: &Chooser,
-        threads: usize,
+        options: Options<'_>,
+        basis: [[f64; 3]; D],
     ) -> Result<Self, SolveError> {
         Ok(Self {
-            matrix: Rows::new(n_blocks, pairs),
-            gradients: ConjugateGradients::new(n_blocks),
-            solution: vec![[0.0; 3]; n_blocks],
-            multilevel: match chooser.may_iterate() {
-                true => Some(Multilevel::new(n_blocks, pairs, threads)?),
-                false => None,
-            },
+            core: Box::new(Core::analyze(n_blocks, pairs, options)?),
+            basis,
+            diagonal: vec![[0.0; P]; n_blocks],
+            off_diagonal: vec![[0.0; P]; pairs.len()],
+            is_set: false,
+            x: vec![[0.0; D]; n_blocks],
         })
     }
 
-    /// In bytes; `None` if it cannot be counted.
-    fn memory(&self) -> Option<u64> {
-        let n_blocks = self.solution.len();
-        let multilevel = self.multilevel.as_ref();
-        let rows = Rows::memory(n_blocks, self.matrix.n_pairs());
-        let vectors = ConjugateGradients::memory(n_blocks) + 24 * n_blocks as u64;
-        Some(rows + vectors + multilevel.map_or(Some(0), Multilevel::memory)?)
+    fn set_matrix(
+        &mut self,
+        diagonal: &[[f64; 6]],
+        off_diagonal: &[[f64; 6]],
+    ) -> Result<(), SolveError> {
+        let mut is_the_last = self.is_set;
+        for (kept, blocks) in [
+            (&mut self.diagonal, diagonal),
+            (&mut self.off_diagonal, off_diagonal),
+        ] {
+            for (kept, block) in kept.iter_mut().zip(blocks) {
+                let reduced = reduce(block, &self.basis);
+                is_the_last &= *kept == reduced;
+                *kept = reduced;
+            }
+        }
+        if is_the_last {
+            return Ok(());
+        }
+        let done = self.core.set_matrix(&self.diagonal, &self.off_diagonal);
+        self.is_set = done.is_ok();
+        done
     }
+
+    fn solve_in_place(&mut self, blocks: &mut [[f64; 3]], accuracy: f64) -> Result<(), SolveError> {
+        for (x, block) in self.x.iter_mut().zip(&*blocks) {
+            *x = self.basis.map(|vector| dot(&vector, block));
+        }
+        self.solve(accuracy)?;
+        for (x, block) in self.x.iter().zip(blocks) {
+            *block = [0.0; 3];
+            for (length, vector) in x.iter().zip(&self.basis) {
+                for (entry, component) in block.iter_mut().zip(vector) {
+                    *entry += length * component;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Solves for one component.
+    fn solve_axis(
+        &mut self,
+        blocks: &mut [[f64; 3]],
+        axis: usize,
+        accuracy: f64,
+    ) -> Result<(), SolveError> {
+        for (x, block) in self.x.iter_mut().zip(&*blocks) {
+            *x = [block[axis]; D];
+        }
+        self.solve(accuracy)?;
+        for (x, block) in self.x.iter().zip(blocks) {
+            block[axis] = x[0];
+        }
+        Ok(())
+    }
+
+    fn solve(&mut self, accuracy: f64) -> Result<(), SolveError> {
+        let done = self.core.solve_in_place(&mut self.x, accuracy);
+        self.is_set &= done.is_ok();
+        done
+    }
+}
+
+/// The block of a matrix in the given directions.
+fn reduce<const D: usize, const P: usize>(block: &[f64; 6], basis: &[[f64; 3]; D]) -> [f64; P] {
+    let mut reduced = [0.0; P];
+    for (column, vector) in basis.iter().enumerate() {
+        let image = times::<3, 6>(block, vector);
+        for (row, other) in basis.iter().enumerate().take(column + 1) {
+            reduced[packed::<D>(row, column)] = dot(other, &image);
+        }
+    }
+    reduced
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::{DMatrix, DVector};
+    use crate::Route;
+    use crate::direct::Direct;
+    use nalgebra::{DMatrix, DVector, Vector3};
 
     /// A positive definite matrix: for every pair a block B that couples as
     /// [[B, −B], [−B, B]], and the identity.
@@ -448,7 +466,7 @@ mod tests {
     #[test]
     fn the_size_of_the_factor_is_counted() {
         // A chain: each of the columns but the last has two blocks.
-        let size = Direct::new(10, &chain(10), Options::default())
+        let size = Direct::<3, 6>::new(10, &chain(10), Options::default())
             .unwrap()
             .size();
         assert_eq!(size.flops, 9.0 * 3.0 * 36.0 + 3.0 * 9.0);
@@ -538,7 +556,7 @@ mod tests {
         let options = Options {
             positions: Some(&positions),
             route: Route::Auto,
-            threads: 1,
+            ..Options::default()
         };
         let mut solver = Solver::analyze(n_blocks, &pairs, options).unwrap();
         // Springs without any stiffness across: hardly anything holds them.
@@ -567,6 +585,66 @@ mod tests {
         assert_eq!(solve(&mut solver), x);
         let second = solver.counts();
         assert_eq!(second.iterations, first.iterations, "no second attempt");
+    }
+
+    /// Blocks K n nᵀ + T(I − n nᵀ) for n in a plane or on a line keep
+    /// solutions there, and those are the ones of the whole matrix.
+    #[test]
+    fn subspaces_have_the_solutions_of_the_whole() {
+        let pairs = grid(6);
+        let first = Vector3::new(0.36, 0.48, -0.8);
+        let second = Vector3::new(0.8, -0.6, 0.0);
+        let in_plane = |k: f64| first * k.cos() + second * k.sin();
+        for (subspace, flat) in [
+            (Subspace::Plane([first.into(), second.into()]), false),
+            (Subspace::Line(first.into()), true),
+            (Subspace::Isotropic, false),
+        ] {
+            let mut diagonal = vec![[1.0, 0.0, 0.0, 1.0, 0.0, 1.0]; 36];
+            let mut off_diagonal = Vec::new();
+            for (k, pair) in (1u32..).map(f64::from).zip(&pairs) {
+                let n = if flat { first } else { in_plane(k) };
+                let (along, across) = match subspace {
+                    Subspace::Isotropic => (k, k),
+                    _ => (10.0 * k, k),
+                };
+                let block =
+                    nalgebra::Matrix3::identity() * across + n * n.transpose() * (along - across);
+                let block = [
+                    block.m11, block.m12, block.m13, block.m22, block.m23, block.m33,
+                ];
+                for &end in pair {
+                    crate::block::add(&mut diagonal[end as usize], block);
+                }
+                off_diagonal.push(block.map(|entry| -entry));
+            }
+            let b: Vec<f64> = (0..36u32)
+                .flat_map(|k| match (flat, subspace) {
+                    (true, _) => <[f64; 3]>::from(first * f64::from(k).sin()),
+                    (_, Subspace::Isotropic) => [1.0, f64::from(k), -2.0],
+                    _ => in_plane(f64::from(k)).into(),
+                })
+                .collect();
+            let solve = |subspace| {
+                let options = Options {
+                    subspace,
+                    ..Options::default()
+                };
+                let mut solver = Solver::analyze(36, &pairs, options).unwrap();
+                let mut x = b.clone();
+                for _ in 0..2 {
+                    solver.set_matrix(&diagonal, &off_diagonal).unwrap();
+                    x.copy_from_slice(&b);
+                    solver.solve_in_place(&mut x, 1e-11).unwrap();
+                }
+                (x, solver.counts().factorizations)
+            };
+            let ((whole, _), (reduced, factorizations)) = (solve(Subspace::Space), solve(subspace));
+            let off = whole.iter().zip(&reduced).map(|(a, b)| (a - b).abs());
+            let worst = off.fold(0.0, f64::max);
+            assert!(worst < 1e-13, "{subspace:?}: {worst:e}");
+            assert_eq!(factorizations, 1, "the same matrix twice");
+        }
     }
 
     /// Single precision takes it for definite; double precision knows better.
@@ -607,6 +685,7 @@ mod tests {
                 positions: Some(&positions),
                 threads,
                 route,
+                ..Options::default()
             };
             let mut solver = Solver::analyze(3600, &pairs, options).unwrap();
             solver.set_matrix(&diagonal, &off_diagonal).unwrap();

@@ -7,7 +7,7 @@ use std::ops::Range;
 
 /// Workspace of solutions. Like factorizations, they run subtree by subtree and
 /// then through the fronts above, with the same bits for any number of threads.
-pub(crate) struct Substitution<T> {
+pub(crate) struct Substitution<T, const D: usize> {
     /// Where each column of the top fronts is among them.
     top_index: Vec<u32>,
     /// The columns of the top fronts.
@@ -23,7 +23,7 @@ pub(crate) struct Substitution<T> {
 /// Below this number of entries a second thread is not worth waking.
 const WORTH_A_THREAD: usize = 600_000;
 
-impl<T: Real> Substitution<T> {
+impl<T: Real, const D: usize> Substitution<T, D> {
     pub(crate) fn new(fronts: &Fronts, layout: &Layout, threads: usize) -> Self {
         let mut top_index = vec![0; fronts.first[fronts.len()] as usize];
         let mut top_columns = Vec::new();
@@ -35,8 +35,8 @@ impl<T: Real> Substitution<T> {
         }
         let zero = T::default();
         Self {
-            top_x: vec![zero; 3 * top_columns.len()],
-            copies: vec![vec![zero; 3 * top_columns.len()]; layout.tasks.len()],
+            top_x: vec![zero; D * top_columns.len()],
+            copies: vec![vec![zero; D * top_columns.len()]; layout.tasks.len()],
             gathered: vec![vec![zero; layout.highest]; threads.max(1)],
             top_index,
             top_columns,
@@ -45,7 +45,7 @@ impl<T: Real> Substitution<T> {
 }
 
 /// What a task, or the top, sees of x.
-struct View<'a, T> {
+struct View<'a, T, const D: usize> {
     fronts: &'a Fronts,
     factor: &'a [T],
     panel_starts: &'a [usize],
@@ -58,11 +58,11 @@ struct View<'a, T> {
     gathered: &'a mut [T],
 }
 
-impl<T: Real> View<'_, T> {
+impl<T: Real, const D: usize> View<'_, T, D> {
     #[inline(always)]
-    fn block(&mut self, row: u32) -> &mut [T; 3] {
-        let (own, _) = self.own.as_chunks_mut::<3>();
-        let (top, _) = self.top.as_chunks_mut::<3>();
+    fn block(&mut self, row: u32) -> &mut [T; D] {
+        let (own, _) = self.own.as_chunks_mut::<D>();
+        let (top, _) = self.top.as_chunks_mut::<D>();
         match self.columns.contains(&row) {
             true => &mut own[(row - self.columns.start) as usize],
             false => &mut top[self.top_index[row as usize] as usize],
@@ -77,8 +77,8 @@ impl<T: Real> View<'_, T> {
         let mut n = 0;
         for row in columns.chain(fronts.rows(front).iter().copied()) {
             let block = *self.block(row);
-            self.gathered[n..n + 3].copy_from_slice(&block);
-            n += 3;
+            self.gathered[n..n + D].copy_from_slice(&block);
+            n += D;
         }
         n
     }
@@ -89,7 +89,7 @@ impl<T: Real> View<'_, T> {
         let columns = fronts.first[front]..fronts.first[front + 1];
         let rows = if with_rows { fronts.rows(front) } else { &[] };
         for (k, row) in columns.chain(rows.iter().copied()).enumerate() {
-            let block = [0, 1, 2].map(|axis| self.gathered[3 * k + axis]);
+            let block = std::array::from_fn(|axis| self.gathered[D * k + axis]);
             *self.block(row) = block;
         }
     }
@@ -136,7 +136,7 @@ enum Direction {
     Backward,
 }
 
-impl<T: Real> Multifrontal<T> {
+impl<T: Real, const D: usize, const P: usize> Multifrontal<T, D, P> {
     /// Replaces b by the solution, both in order of elimination.
     pub(crate) fn solve_in_place(&mut self, fronts: &Fronts, x: &mut [T]) {
         for copy in &mut self.substitution.copies {
@@ -144,18 +144,18 @@ impl<T: Real> Multifrontal<T> {
         }
         self.run_tasks(Direction::Forward, fronts, x);
         let work = &mut self.substitution;
-        let (top_x, _) = work.top_x.as_chunks_mut::<3>();
-        let (blocks, _) = x.as_chunks_mut::<3>();
+        let (top_x, _) = work.top_x.as_chunks_mut::<D>();
+        let (blocks, _) = x.as_chunks_mut::<D>();
         for (k, (target, &column)) in top_x.iter_mut().zip(&work.top_columns).enumerate() {
             let mut sum = blocks[column as usize];
             for copy in &work.copies {
                 for (axis, sum) in sum.iter_mut().enumerate() {
-                    *sum += copy[3 * k + axis];
+                    *sum += copy[D * k + axis];
                 }
             }
             *target = sum;
         }
-        let mut top = View {
+        let mut top = View::<T, D> {
             fronts,
             factor: &self.factor,
             panel_starts: &self.layout.panel_starts,
@@ -167,7 +167,7 @@ impl<T: Real> Multifrontal<T> {
         };
         top.run(Direction::Forward, self.layout.top.iter().copied());
         top.run(Direction::Backward, self.layout.top.iter().copied());
-        let (top_x, _) = work.top_x.as_chunks::<3>();
+        let (top_x, _) = work.top_x.as_chunks::<D>();
         for (source, &column) in top_x.iter().zip(&work.top_columns) {
             blocks[column as usize] = *source;
         }
@@ -192,7 +192,7 @@ impl<T: Real> Multifrontal<T> {
             .zip(&mut work.copies)
             .map(|(task, top)| {
                 let columns = fronts.first[task.start]..fronts.first[task.end];
-                let (begin, end) = (3 * columns.start as usize, 3 * columns.end as usize);
+                let (begin, end) = (D * columns.start as usize, D * columns.end as usize);
                 let (_, tail) = std::mem::take(&mut rest).split_at_mut(begin - at);
                 let (own, tail) = tail.split_at_mut(end - begin);
                 (rest, at) = (tail, end);
@@ -206,7 +206,7 @@ impl<T: Real> Multifrontal<T> {
         let (factor, panel_starts) = (&self.factor, &self.layout.panel_starts);
         let top_index = &work.top_index;
         let run = |task: Task<'_, T>, gathered: &mut [T]| {
-            let mut view = View {
+            let mut view = View::<T, D> {
                 fronts,
                 factor,
                 panel_starts,

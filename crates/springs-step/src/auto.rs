@@ -5,7 +5,7 @@ use crate::controller::Controller;
 use crate::linear;
 use crate::pilot::equal_steps;
 use crate::work::Counts;
-use crate::{Anchors, Interval, Method, SetupError, State, StepPlan, Work};
+use crate::{Anchors, HiddenState, Interval, Method, SetupError, State, StepPlan, Work};
 use springs_assembly::System;
 use springs_scene::{self as scene, Scene};
 use springs_solver::Price;
@@ -143,6 +143,49 @@ impl Auto {
             step_size: 0.0,
             tried: State::initial(system),
         })
+    }
+
+    /// Hands over what the choice depends on. Methods that were built are built
+    /// again.
+    pub(crate) fn visit(&mut self, system: &System, state: &mut HiddenState) {
+        for real in [
+            &mut self.spent,
+            &mut self.covered,
+            &mut self.review_cost,
+            &mut self.price,
+            &mut self.step_size,
+        ] {
+            state.real(real);
+        }
+        let mut is_known = self.costs.is_system_known;
+        state.flag(&mut is_known);
+        if is_known && self.costs.learn_system(system).is_err() {
+            state.refuse();
+        }
+        for index in 0..self.candidates.len() {
+            let mut is_built = self.candidates[index].idle.is_some();
+            state.flag(&mut is_built);
+            if is_built && self.ensure_built(system, index).is_err() {
+                state.refuse();
+            }
+            if let Some(method) = &mut self.candidates[index].idle {
+                method.visit(state);
+            }
+        }
+    }
+
+    /// Which of the candidates is in use.
+    pub(crate) fn current(&self) -> usize {
+        self.current
+    }
+
+    /// Another candidate, to be put to use; `None` if there is no such one or it
+    /// cannot be built.
+    pub(crate) fn switch_to(&mut self, system: &System, index: usize) -> Option<Picked> {
+        self.candidates.get(index)?;
+        self.ensure_built(system, index).ok()?;
+        self.current = index;
+        Some(self.hand_over(Trial::default(), String::new()))
     }
 
     /// What to start with. TR-BDF2 can move any scene, so there is a candidate.

@@ -136,14 +136,19 @@ fn pace_of(scene: &Scene, system: &System) -> (Pace, Schedule) {
             );
         }
         StepControl::Tolerance(tolerance) => tolerance,
-        StepControl::Auto => match scene.size() {
-            size if size > 0.0 => DEFAULT_TOLERANCE * size,
-            _ => DEFAULT_TOLERANCE,
-        },
+        StepControl::Auto => default_tolerance(scene),
     };
     let first_step = first_step(duration, system.frequency_bound());
     let controller = Controller::new(tolerance, duration, first_step);
     (Pace::Tolerance(tolerance), Schedule::Adaptive(controller))
+}
+
+/// The tolerance, in m, where nothing was asked for.
+pub(crate) fn default_tolerance(scene: &Scene) -> f64 {
+    match scene.size() {
+        size if size > 0.0 => DEFAULT_TOLERANCE * size,
+        _ => DEFAULT_TOLERANCE,
+    }
 }
 
 /// [`choose`] with all that comes of it.

@@ -1,6 +1,6 @@
 //! Step sizes from error estimates.
 
-use crate::ErrorEstimate;
+use crate::{ErrorEstimate, HiddenState};
 
 /// A proportional–integral controller (Gustafsson, ACM TOMS 17, 1991) that
 /// keeps the estimated error of the whole duration at the tolerance.
@@ -42,6 +42,13 @@ impl Controller {
             last_ratio: 1.0,
             just_rejected: false,
         }
+    }
+
+    pub(crate) fn visit(&mut self, state: &mut HiddenState) {
+        for real in [&mut self.left, &mut self.step_size, &mut self.last_ratio] {
+            state.real(real);
+        }
+        state.flag(&mut self.just_rejected);
     }
 
     /// Goes on with another method and this step size, in s.

@@ -2,7 +2,7 @@
 
 use crate::method::time_scale;
 use crate::work::timed;
-use crate::{Anchors, ErrorEstimate, Interval, Method, MethodError, State, Work};
+use crate::{Anchors, ErrorEstimate, HiddenState, Interval, Method, MethodError, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::System;
 
@@ -138,6 +138,11 @@ impl Method for Dop853 {
             block,
         };
         Ok(Some(estimate.of_better_result(speed)))
+    }
+
+    fn visit(&mut self, state: &mut HiddenState) {
+        state.flag(&mut self.acceleration_is_known);
+        state.vectors(&mut self.last_acceleration);
     }
 
     fn accept(&mut self) {

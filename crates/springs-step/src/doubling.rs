@@ -1,7 +1,9 @@
 //! Error control for methods without an estimate of their own.
 
 use crate::stage::largest;
-use crate::{Anchors, ErrorEstimate, Interval, Method, MethodError, Quadrature, State, Work};
+use crate::{
+    Anchors, ErrorEstimate, HiddenState, Interval, Method, MethodError, Quadrature, State, Work,
+};
 use nalgebra::Vector3;
 use springs_assembly::System;
 
@@ -118,6 +120,11 @@ impl Method for Doubling {
         let h = self.step_size;
         let answered = self.method.answer(system, state, h, &mut self.errors, work);
         answered.then(|| self.estimate(self.error_of_positions + h * largest(&self.errors).1))
+    }
+
+    fn visit(&mut self, state: &mut HiddenState) {
+        self.method.visit(state);
+        state.flag(&mut self.is_fresh);
     }
 
     fn accept(&mut self) {

@@ -48,6 +48,21 @@ pub enum SetupError {
 }
 
 impl SetupError {
+    /// The same with the indices of a scene that it is a part of.
+    pub(crate) fn of_part(self, nodes: &[usize], springs: &[usize]) -> Self {
+        match self {
+            Self::Massless { node, method } => Self::Massless {
+                node: nodes[node],
+                method,
+            },
+            Self::VelocityDependent { spring, method } => Self::VelocityDependent {
+                spring: springs[spring],
+                method,
+            },
+            other => other,
+        }
+    }
+
     /// Where in the scene the cause is, if it is in one place.
     pub fn path(&self) -> Option<Path> {
         match self {
@@ -86,6 +101,8 @@ pub enum MethodError {
         /// The block.
         block: usize,
     },
+    /// There is not enough memory for a factor that turned out to be needed.
+    OutOfMemory,
     /// Newton's method did not converge.
     NotConverged {
         /// The free block with the largest correction left.
@@ -94,11 +111,11 @@ pub enum MethodError {
 }
 
 impl MethodError {
-    /// Of a failed numeric factorization.
+    /// Of a failed solution.
     pub(crate) fn of(error: SolveError) -> Self {
         match error {
             SolveError::NotPositiveDefinite { block } => Self::NotPositiveDefinite { block },
-            other => unreachable!("a numeric factorization does not report: {other}"),
+            _ => Self::OutOfMemory,
         }
     }
 
@@ -106,6 +123,7 @@ impl MethodError {
     pub(crate) fn block(self) -> usize {
         match self {
             Self::NotPositiveDefinite { block } | Self::NotConverged { block } => block,
+            Self::OutOfMemory => 0,
         }
     }
 }
@@ -136,6 +154,9 @@ pub enum Cause {
     /// A position or velocity is infinite or not a number.
     #[error("the position or velocity stopped being a finite number")]
     NotFinite,
+    /// There is not enough memory for a factor that turned out to be needed.
+    #[error("there is not enough memory for a factor of the matrix")]
+    OutOfMemory,
     /// Newton's method failed.
     #[error("the implicit equations were not solved")]
     NotConverged,
@@ -152,6 +173,7 @@ impl From<MethodError> for Cause {
         match error {
             MethodError::NotPositiveDefinite { .. } => Self::NotPositiveDefinite,
             MethodError::NotConverged { .. } => Self::NotConverged,
+            MethodError::OutOfMemory => Self::OutOfMemory,
         }
     }
 }
@@ -167,6 +189,7 @@ impl StepError {
                 "use a smaller step or an implicit method such as tr-bdf2, \
                  and look at masses and stiffnesses around the node"
             }
+            Cause::OutOfMemory => "use a smaller step, with which iteration converges",
             Cause::NotConverged => "use a smaller step, or a tolerance instead of a step",
             Cause::NoEstimate => "wrap the method in Doubling, or use steps of fixed size",
             Cause::StepTooSmall => {

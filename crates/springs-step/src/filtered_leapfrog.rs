@@ -1,7 +1,7 @@
 //! Filtered leapfrog: Verlet with kicks that pass through a stiffness matrix.
 
-use crate::linear::{LinearSystem, Linearized, OnDemand, Purpose};
-use crate::{Anchors, ErrorEstimate, Interval, Method, MethodError, State, Work};
+use crate::linear::{Hessian, LinearSystem, Linearized, OnDemand, Purpose};
+use crate::{Anchors, ErrorEstimate, HiddenState, Interval, Method, MethodError, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::{Evaluation, ForceEmitter as _, Projection, System, Weights};
 
@@ -40,7 +40,7 @@ impl FilteredLeapfrog {
     pub fn new(system: &System) -> Result<Self, springs_solver::SolveError> {
         let zeros = vec![Vector3::zeros(); system.numbering().n_nodes()];
         Ok(Self {
-            linear: LinearSystem::new(system)?,
+            linear: LinearSystem::new(system, Hessian::Altered)?,
             accelerations: zeros.clone(),
             next_accelerations: zeros,
             tensions: vec![0.0; system.springs().len()],
@@ -140,6 +140,13 @@ impl Method for FilteredLeapfrog {
             *v += a * (0.5 * h);
         }
         Ok(None)
+    }
+
+    fn visit(&mut self, state: &mut HiddenState) {
+        self.linear.visit(state);
+        state.real(&mut self.filtered_for);
+        state.vectors(&mut self.accelerations);
+        state.reals(&mut self.tensions);
     }
 
     fn accept(&mut self) {

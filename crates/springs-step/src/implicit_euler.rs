@@ -1,7 +1,9 @@
 //! Implicit Euler, converged.
 
 use crate::stage::{Stage, StageProblem, Tensions, momenta_of};
-use crate::{Anchors, ErrorEstimate, Interval, Method, MethodError, Quadrature, State, Work};
+use crate::{
+    Anchors, ErrorEstimate, HiddenState, Interval, Method, MethodError, Quadrature, State, Work,
+};
 use nalgebra::Vector3;
 use springs_assembly::System;
 use springs_solver::SolveError;
@@ -76,6 +78,11 @@ impl Method for ImplicitEuler {
         let tensions = &self.tensions.end;
         self.stage
             .answer(system, state, tensions, time_scale, errors, work)
+    }
+
+    fn visit(&mut self, state: &mut HiddenState) {
+        self.stage.visit(state);
+        self.tensions.visit(state);
     }
 
     fn accept(&mut self) {

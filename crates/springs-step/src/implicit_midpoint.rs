@@ -1,7 +1,7 @@
 //! Implicit midpoint, converged.
 
 use crate::stage::{Stage, StageProblem, Tensions, momenta_of};
-use crate::{Anchors, ErrorEstimate, Interval, Method, MethodError, State, Work};
+use crate::{Anchors, ErrorEstimate, HiddenState, Interval, Method, MethodError, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::System;
 use springs_solver::SolveError;
@@ -76,6 +76,11 @@ impl Method for ImplicitMidpoint {
         }
         anchors.place(interval.end, &mut state.x);
         Ok(None)
+    }
+
+    fn visit(&mut self, state: &mut HiddenState) {
+        self.stage.visit(state);
+        self.tensions.visit(state);
     }
 
     fn accept(&mut self) {

@@ -1,6 +1,9 @@
 //! States between two steps.
 
-use crate::{Anchors, Choice, Interval, Method, MethodError, NodeStates, SetupError, State, Work};
+use crate::{
+    Anchors, Choice, HiddenState, Interval, Method, MethodError, NodeStates, SetupError, State,
+    Work,
+};
 use nalgebra::Vector3;
 use springs_assembly::System;
 
@@ -38,6 +41,12 @@ impl Between {
                 state: State::initial(system),
             },
         })
+    }
+
+    pub(crate) fn visit(&mut self, hidden: &mut HiddenState) {
+        if let Self::Substep { method, .. } = self {
+            method.visit(hidden);
+        }
     }
 
     /// State at `time` of a step from `before` to `after` over `interval`.

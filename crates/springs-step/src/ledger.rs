@@ -1,6 +1,6 @@
 //! Where the energy went.
 
-use crate::{Interval, Quadrature, State};
+use crate::{HiddenState, Interval, Quadrature, State};
 use springs_assembly::{Energy, System};
 
 /// Energy at the start and the flows since then, in J.
@@ -58,6 +58,28 @@ impl Ledger {
         self.dashpot_heat += integral(before.dashpots, after.dashpots);
         self.anchor_work += integral(before.anchors, after.anchors);
         self.powers = after;
+    }
+
+    /// The flows; the start is that of the scene.
+    pub(crate) fn visit(&mut self, state: &mut HiddenState) {
+        let Powers { dashpots, anchors } = &mut self.powers;
+        let flows = [&mut self.dashpot_heat, &mut self.anchor_work];
+        for real in flows.into_iter().chain([dashpots, anchors]) {
+            state.real(real);
+        }
+    }
+
+    /// The ledger of several systems together.
+    pub(crate) fn sum(ledgers: impl Iterator<Item = Self>) -> Option<Self> {
+        ledgers.reduce(|a, b| Self {
+            start: a.start + b.start,
+            dashpot_heat: a.dashpot_heat + b.dashpot_heat,
+            anchor_work: a.anchor_work + b.anchor_work,
+            powers: Powers {
+                dashpots: a.powers.dashpots + b.powers.dashpots,
+                anchors: a.powers.anchors + b.powers.anchors,
+            },
+        })
     }
 
     /// What is left of the change to `end` after heat and work: the gain (or,

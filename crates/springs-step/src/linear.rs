@@ -1,17 +1,23 @@
 //! The linear systems of methods with a matrix.
 
 use crate::work::timed;
-use crate::{MethodError, State, Work};
+use crate::{HiddenState, MethodError, State, Work};
 use nalgebra::Vector3;
-use springs_assembly::{Evaluation, Linearization, Projection, System, Weights};
+use springs_assembly::{Evaluation, Linearization, Motion, Projection, System, Weights};
 use springs_scene::Solution;
-use springs_solver::{Options, Price, Route, SolveError, Solver};
+use springs_solver::{Options, Price, Route, SolveError, Solver, Subspace};
 
 /// Forces and matrix of a method at one state, and the solver of their systems.
 pub(crate) struct LinearSystem {
     solver: Solver,
     out: Linearization,
     solution: Solution,
+    /// Whether the matrix is that of springs of rest length zero, which does
+    /// not depend on the state.
+    is_isotropic: bool,
+    /// Whether it depends on nothing but the weights, and those of the last one.
+    is_constant: bool,
+    weights: Option<Weights>,
     setup: Work,
 }
 
@@ -57,13 +63,44 @@ impl Purpose {
     }
 }
 
+/// Whether the matrix of a method has the Hessian itself wherever that is
+/// positive definite.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Hessian {
+    Exact,
+    /// Other across stiffness may take its place.
+    Altered,
+}
+
 /// How systems of a scene are solved.
-fn options(system: &System) -> Options<'_> {
+fn options(system: &System, hessian: Hessian) -> Options<'_> {
     Options {
         positions: Some(blocks_of(&system.initial_positions()[..system.n_free()])),
         threads: system.threads(),
-        route: Route::Auto,
+        // A factor that is made once costs nothing.
+        route: match is_constant(system, hessian) {
+            true => Route::Double,
+            false => Route::Auto,
+        },
+        subspace: match system.motion() {
+            Motion::Line(line) => Subspace::Line(line.into()),
+            Motion::Space | Motion::Plane(_) if is_isotropic(system, hessian) => {
+                Subspace::Isotropic
+            }
+            Motion::Plane(basis) => Subspace::Plane(basis.map(Into::into)),
+            Motion::Space => Subspace::Space,
+        },
     }
+}
+
+/// Whether the matrix depends on nothing but the step size.
+fn is_constant(system: &System, hessian: Hessian) -> bool {
+    let is_line = matches!(system.motion(), Motion::Line(_));
+    is_isotropic(system, hessian) || (is_line && system.dashpots().is_empty())
+}
+
+fn is_isotropic(system: &System, hessian: Hessian) -> bool {
+    hessian == Hessian::Exact && system.is_isotropic()
 }
 
 /// Memory, in bytes, that the solver of an implicit method begins with.
@@ -72,26 +109,46 @@ fn options(system: &System) -> Options<'_> {
 ///
 /// If it cannot be counted.
 pub fn solver_memory(system: &System) -> Result<u64, SolveError> {
-    Solver::memory(system.n_free(), system.pattern().pairs(), options(system))
+    let pairs = system.pattern().pairs();
+    Solver::memory(system.n_free(), pairs, options(system, Hessian::Exact))
 }
 
 /// What systems of a scene will cost, roughly.
 pub(crate) fn price(system: &System) -> Result<Price, SolveError> {
-    Solver::price(system.n_free(), system.pattern().pairs(), options(system))
+    let pairs = system.pattern().pairs();
+    Solver::price(system.n_free(), pairs, options(system, Hessian::Exact))
 }
 
 impl LinearSystem {
     /// Orders and factorizes symbolically.
-    pub(crate) fn new(system: &System) -> Result<Self, SolveError> {
+    pub(crate) fn new(system: &System, hessian: Hessian) -> Result<Self, SolveError> {
         let mut setup = Work::default();
         setup.counts.symbolic_factorizations += 1;
         let pairs = system.pattern().pairs();
         Ok(Self {
-            solver: Solver::analyze(system.n_free(), pairs, options(system))?,
+            solver: Solver::analyze(system.n_free(), pairs, options(system, hessian))?,
             out: system.linearization(),
             solution: system.solution(),
+            is_isotropic: is_isotropic(system, hessian),
+            is_constant: is_constant(system, hessian),
+            weights: None,
             setup,
         })
+    }
+
+    /// What its solver has learned; the matrix itself is made anew.
+    pub(crate) fn visit(&mut self, state: &mut HiddenState) {
+        let experience = self.solver.experience();
+        state.real(&mut experience.iterations);
+        state.flag(&mut experience.is_iterative);
+        for pause in [&mut experience.pause, &mut experience.next_pause] {
+            let mut word = u64::from(*pause);
+            state.word(&mut word);
+            *pause = word as u32;
+        }
+        if state.is_loading() {
+            self.weights = None;
+        }
     }
 
     /// What its construction took.
@@ -146,6 +203,17 @@ impl LinearSystem {
         work: &mut Work,
     ) -> Result<(), MethodError> {
         work.counts.linearizations += 1;
+        if self.is_constant && self.weights == Some(at.weights) {
+            // So is what anchors bring: they do not change their velocities.
+            timed(&mut work.phases.assembly, || {
+                system.forces(at.x, at.v, &mut self.out.forces);
+            });
+            return Ok(());
+        }
+        let at = Evaluation {
+            tensions: at.tensions.filter(|_| !self.is_isotropic),
+            ..at
+        };
         timed(&mut work.phases.assembly, || {
             system.linearize(&at, &mut self.out);
         });
@@ -156,6 +224,7 @@ impl LinearSystem {
                 .set_matrix(matrix.diagonal(), matrix.off_diagonal())
         });
         work.counts.factorizations += self.solver.counts().factorizations - before.factorizations;
+        self.weights = done.is_ok().then_some(at.weights);
         done.map_err(MethodError::of)
     }
 
@@ -169,8 +238,7 @@ impl LinearSystem {
         let before = self.solver.counts();
         let accuracy = purpose.accuracy(self.solution);
         let done = timed(&mut work.phases.solve, || {
-            let rhs = bytemuck::cast_slice_mut(rhs);
-            self.solver.solve_in_place(rhs, accuracy)
+            self.solver.solve_in_place(numbers_mut(rhs), accuracy)
         });
         let after = self.solver.counts();
         work.counts.solves += 1;
@@ -203,6 +271,11 @@ impl LinearSystem {
             .and_then(|()| self.solve(errors, Purpose::Estimate, work))
             .is_ok()
     }
+}
+
+/// Vectors as plain numbers.
+pub(crate) fn numbers_mut(vectors: &mut [Vector3<f64>]) -> &mut [f64] {
+    bytemuck::cast_slice_mut(vectors)
 }
 
 /// Vectors as plain arrays.

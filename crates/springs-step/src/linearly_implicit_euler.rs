@@ -1,7 +1,9 @@
 //! Linearly implicit Euler: the step of the note, Eqs. 10–14.
 
-use crate::linear::{LinearSystem, Linearized, OnDemand, Purpose};
-use crate::{Anchors, ErrorEstimate, Interval, Method, MethodError, Quadrature, State, Work};
+use crate::linear::{Hessian, LinearSystem, Linearized, OnDemand, Purpose};
+use crate::{
+    Anchors, ErrorEstimate, HiddenState, Interval, Method, MethodError, Quadrature, State, Work,
+};
 use nalgebra::Vector3;
 use springs_assembly::{Evaluation, Projection, System, Weights};
 use springs_scene::Tangent;
@@ -40,9 +42,13 @@ impl LinearlyImplicitEuler {
             Tangent::Filtered => system.springs().len(),
             _ => 0,
         };
+        let hessian = match tangent {
+            Tangent::Exact | Tangent::Clamped | Tangent::Absolute => Hessian::Exact,
+            Tangent::Material | Tangent::Filtered => Hessian::Altered,
+        };
         Ok(Self {
             tangent,
-            linear: LinearSystem::new(system)?,
+            linear: LinearSystem::new(system, hessian)?,
             velocities: vec![Vector3::zeros(); system.n_free()],
             tensions: vec![0.0; n_tensions],
             next_tensions: vec![0.0; n_tensions],
@@ -159,6 +165,12 @@ impl Method for LinearlyImplicitEuler {
     ) -> bool {
         self.linear
             .answer(system, state, None, time_scale, errors, work)
+    }
+
+    fn visit(&mut self, state: &mut HiddenState) {
+        self.linear.visit(state);
+        state.flag(&mut self.tensions_are_known);
+        state.reals(&mut self.tensions);
     }
 
     fn accept(&mut self) {

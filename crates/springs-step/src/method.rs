@@ -1,11 +1,11 @@
 //! What a time integration method is.
 
-use crate::{Anchors, MethodError, State, Work};
+use crate::{Anchors, HiddenState, MethodError, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::System;
 
 /// The time span of one step.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Interval {
     /// Time at its start, in s.
     pub start: f64,
@@ -68,7 +68,7 @@ impl ErrorEstimate {
 /// A method owns its workspace and allocates nothing in [`Self::step`] once it
 /// is warm. It may carry hidden state (a tension, an acceleration) from step to
 /// step; [`Self::restart`] tells it that the state was changed from outside.
-pub trait Method {
+pub trait Method: Send {
     /// Order of consistency.
     fn order(&self) -> u32;
 
@@ -125,6 +125,11 @@ pub trait Method {
     ) -> Option<ErrorEstimate> {
         None
     }
+
+    /// Hands over everything that it carries from step to step, always in the
+    /// same order; what a step makes anew need not be there. A method without
+    /// this cannot be stopped and resumed.
+    fn visit(&mut self, state: &mut HiddenState);
 
     /// The last step stands; the next one starts at its end.
     fn accept(&mut self);

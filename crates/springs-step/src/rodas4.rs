@@ -1,10 +1,10 @@
 //! RODAS4: a Rosenbrock method of order 4.
 
-use crate::linear::{LinearSystem, Purpose};
+use crate::linear::{Hessian, LinearSystem, Purpose};
 use crate::method::time_scale;
 use crate::stage::largest;
 use crate::work::timed;
-use crate::{Anchors, ErrorEstimate, Interval, Method, MethodError, State, Work};
+use crate::{Anchors, ErrorEstimate, HiddenState, Interval, Method, MethodError, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::{Evaluation, Projection, System, Weights};
 use springs_solver::SolveError;
@@ -85,7 +85,7 @@ impl Rodas4 {
             v: zeros.clone(),
         };
         Ok(Self {
-            linear: LinearSystem::new(system)?,
+            linear: LinearSystem::new(system, Hessian::Exact)?,
             stages: std::array::from_fn(|_| slopes.clone()),
             stage: State::initial(system),
             forces: zeros.clone(),
@@ -209,6 +209,10 @@ impl Method for Rodas4 {
             block,
         };
         Ok(Some(estimate.of_better_result(speed)))
+    }
+
+    fn visit(&mut self, state: &mut HiddenState) {
+        self.linear.visit(state);
     }
 
     fn accept(&mut self) {}

@@ -5,8 +5,8 @@ use crate::choose::{Schedule, Start, start};
 use crate::controller::Verdict;
 use crate::interpolate::Between;
 use crate::{
-    Anchors, Cause, Choice, Interval, Ledger, Method, NodeStates, SetupError, State, StepError,
-    StepPlan, Stepper, Work,
+    Anchors, Cause, Choice, HiddenState, Interval, Ledger, Method, NodeStates, SetupError, State,
+    StepError, StepPlan, Stepper, Work,
 };
 use springs_assembly::{Energy, System, compile};
 use springs_scene::Scene;
@@ -69,6 +69,8 @@ pub struct Simulation {
     auto: Option<Auto>,
     switches: Vec<Switch>,
     between: Between,
+    /// Frames that were shown, if it was stopped on the way.
+    shown: Option<Shown>,
     /// The last step, and the state before it.
     last: Option<Interval>,
     before: NodeStates,
@@ -135,6 +137,7 @@ impl Simulation {
             choice: start.choice,
             work,
             stepper,
+            shown: None,
             last: None,
             before: nodes.clone(),
             nodes,
@@ -204,9 +207,18 @@ impl Simulation {
         observer: &mut dyn Observer,
     ) -> Result<Outcome, StepError> {
         let mut frames = Frames::new(self.duration, intervals, &self.nodes);
-        if self.stepper.steps() > 0 {
-            frames.skip(self.stepper.time());
-        } else if frames.show(0.0, &self.nodes, observer).is_break() {
+        frames.go_on(self.shown, self.stepper.time());
+        let outcome = self.run_on(&mut frames, observer);
+        self.shown = Some(frames.shown());
+        outcome
+    }
+
+    fn run_on(
+        &mut self,
+        frames: &mut Frames,
+        observer: &mut dyn Observer,
+    ) -> Result<Outcome, StepError> {
+        if frames.is_first() && frames.show(0.0, &self.nodes, observer).is_break() {
             return Ok(Outcome::Stopped);
         }
         while !self.is_finished() {
@@ -217,7 +229,7 @@ impl Simulation {
                     return Err(error);
                 }
             };
-            let shown = self.show_frames(&mut frames, interval, observer)?;
+            let shown = self.show_frames(frames, interval, observer)?;
             if shown.is_break() || observer.step(interval.end).is_break() {
                 self.stepper.scatter(&mut self.nodes);
                 return Ok(match self.is_finished() {
@@ -228,6 +240,32 @@ impl Simulation {
         }
         self.stepper.scatter(&mut self.nodes);
         Ok(Outcome::Finished)
+    }
+
+    /// Steps until `time` lies within the last step, and gives the state then.
+    ///
+    /// # Errors
+    ///
+    /// If a step cannot be made; `out` is then the state where that was.
+    pub(crate) fn advance_to(&mut self, time: f64, out: &mut NodeStates) -> Result<(), StepError> {
+        let is_reached = |interval: Interval| time <= interval.end + AT_THE_END * interval.size;
+        while time > 0.0 && !self.last.is_some_and(is_reached) && !self.is_finished() {
+            if let Err(error) = self.advance() {
+                self.stepper.scatter(&mut self.nodes);
+                out.clone_from(&self.nodes);
+                return Err(error);
+            }
+        }
+        self.stepper.scatter(&mut self.nodes);
+        match self.last {
+            Some(interval) if time < interval.end - AT_THE_END * interval.size => {
+                self.evaluate(interval, time, out)
+            }
+            _ => {
+                out.clone_from(&self.nodes);
+                Ok(())
+            }
+        }
     }
 
     /// Makes one step towards the end of the duration and says which; `None` at
@@ -430,25 +468,89 @@ impl Simulation {
         let picked = auto.review(compiled, self.stepper.state(), controller);
         // A method that cannot be built is no choice.
         let Ok(Some(picked)) = picked else { return };
-        let Ok(between) = Between::of(&picked.choice, &*picked.method, self.stepper.system())
-        else {
-            return;
-        };
-        let Picked {
-            method,
-            choice,
-            step_size,
-        } = picked;
-        self.work += method.setup();
-        controller.change_method(step_size);
-        self.between = between;
-        auto.put_back(self.choice.method, self.stepper.change_method(method));
-        self.switches.push(Switch {
-            time: self.stepper.time(),
-            method: choice.method,
-            reason: choice.reason.clone(),
-        });
+        let (step_size, reason) = (picked.step_size, picked.choice.reason.clone());
+        if let Some(setup) = self.put_to_use(picked) {
+            self.work += setup;
+            self.switches.push(Switch {
+                time: self.stepper.time(),
+                method: self.choice.method,
+                reason,
+            });
+            if let Schedule::Adaptive(controller) = &mut self.schedule {
+                controller.change_method(step_size);
+            }
+        }
+    }
+
+    /// Goes on with another method; what its construction took, or `None` if
+    /// states between its steps cannot be made.
+    fn put_to_use(&mut self, picked: Picked) -> Option<Work> {
+        let Picked { method, choice, .. } = picked;
+        self.between = Between::of(&choice, &*method, self.stepper.system()).ok()?;
+        let setup = method.setup();
+        let old = self.stepper.change_method(method);
+        if let Some(auto) = &mut self.auto {
+            auto.put_back(self.choice.method, old);
+        }
         self.choice.method = choice.method;
+        Some(setup)
+    }
+
+    /// Hands over everything that the run has come to; the scene and what
+    /// follows from it alone are not among it.
+    pub(crate) fn visit(&mut self, state: &mut HiddenState) {
+        if let Some(auto) = &mut self.auto {
+            let mut current = auto.current() as u64;
+            state.word(&mut current);
+            if current != auto.current() as u64 {
+                let picked = auto.switch_to(self.stepper.system(), current as usize);
+                if picked.and_then(|picked| self.put_to_use(picked)).is_none() {
+                    return state.refuse();
+                }
+            }
+        }
+        if let Some(auto) = &mut self.auto {
+            auto.visit(self.stepper.system(), state);
+        }
+        if let Schedule::Adaptive(controller) = &mut self.schedule {
+            controller.visit(state);
+        }
+        self.stepper.visit(state);
+        self.between.visit(state);
+        self.ledger.visit(state);
+        self.work.visit(state);
+        state.option(&mut self.last, |interval, state| {
+            for real in [&mut interval.start, &mut interval.end, &mut interval.size] {
+                state.real(real);
+            }
+        });
+        state.option(&mut self.shown, |shown, state| shown.visit(state));
+        self.visit_switches(state);
+        self.stepper.scatter(&mut self.nodes);
+    }
+
+    fn visit_switches(&mut self, state: &mut HiddenState) {
+        let mut n = self.switches.len() as u64;
+        state.word(&mut n);
+        let mut switches = std::mem::take(&mut self.switches).into_iter();
+        for _ in 0..n {
+            let mut switch = switches.next().unwrap_or(Switch {
+                time: 0.0,
+                method: springs_scene::Method::Auto,
+                reason: String::new(),
+            });
+            let methods = springs_scene::Method::ALL;
+            let index = methods.iter().position(|&method| method == switch.method);
+            let mut index = index.unwrap_or_default() as u64;
+            state.real(&mut switch.time);
+            state.word(&mut index);
+            state.text(&mut switch.reason);
+            match methods.get(index as usize) {
+                Some(&method) if state.is_sound() => switch.method = method,
+                _ => return state.refuse(),
+            }
+            self.switches.push(switch);
+        }
     }
 
     fn show_frames(
@@ -496,8 +598,22 @@ fn next_interval(start: f64, duration: f64, h: f64) -> Interval {
     }
 }
 
+/// How many frames of how many intervals were shown.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Shown {
+    intervals: u64,
+    frames: u64,
+}
+
+impl Shown {
+    pub(crate) fn visit(&mut self, state: &mut HiddenState) {
+        state.word(&mut self.intervals);
+        state.word(&mut self.frames);
+    }
+}
+
 /// The frames still to come.
-struct Frames {
+pub(crate) struct Frames {
     duration: f64,
     intervals: usize,
     next: usize,
@@ -508,7 +624,7 @@ struct Frames {
 const AT_THE_END: f64 = 1e-9;
 
 impl Frames {
-    fn new(duration: f64, intervals: usize, nodes: &NodeStates) -> Self {
+    pub(crate) fn new(duration: f64, intervals: usize, nodes: &NodeStates) -> Self {
         let intervals = if duration == 0.0 { 0 } else { intervals };
         Self {
             duration,
@@ -519,7 +635,7 @@ impl Frames {
     }
 
     /// Time of the next frame; the last one is exactly the duration.
-    fn next_time(&self) -> Option<f64> {
+    pub(crate) fn next_time(&self) -> Option<f64> {
         match self.next.cmp(&self.intervals) {
             std::cmp::Ordering::Less => {
                 Some(self.duration * self.next as f64 / self.intervals as f64)
@@ -529,15 +645,40 @@ impl Frames {
         }
     }
 
-    /// Leaves out the frames up to `time`.
-    fn skip(&mut self, time: f64) {
-        while self.next_time().is_some_and(|next| next <= time) {
-            self.next += 1;
+    /// Leaves out the frames that were `shown`, or, if those were others, all
+    /// up to `time`.
+    pub(crate) fn go_on(&mut self, shown: Option<Shown>, time: f64) {
+        match shown {
+            Some(shown) if shown.intervals == self.intervals as u64 => {
+                self.next = shown.frames as usize;
+            }
+            _ if time > 0.0 => {
+                while self.next_time().is_some_and(|next| next <= time) {
+                    self.next += 1;
+                }
+            }
+            _ => {}
+        }
+    }
+
+    pub(crate) fn is_first(&self) -> bool {
+        self.next == 0
+    }
+
+    pub(crate) fn shown(&self) -> Shown {
+        Shown {
+            intervals: self.intervals as u64,
+            frames: self.next as u64,
         }
     }
 
     /// Shows the next frame.
-    fn show(&mut self, time: f64, nodes: &NodeStates, to: &mut dyn Observer) -> ControlFlow<()> {
+    pub(crate) fn show(
+        &mut self,
+        time: f64,
+        nodes: &NodeStates,
+        to: &mut dyn Observer,
+    ) -> ControlFlow<()> {
         let index = self.next;
         self.next += 1;
         to.frame(Frame { index, time, nodes })

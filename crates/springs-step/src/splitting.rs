@@ -2,7 +2,7 @@
 //! Blanes and Moan.
 
 use crate::work::timed;
-use crate::{Anchors, ErrorEstimate, Interval, Method, MethodError, State, Work};
+use crate::{Anchors, ErrorEstimate, HiddenState, Interval, Method, MethodError, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::System;
 
@@ -168,6 +168,11 @@ impl Method for Splitting {
             *v += a * last_kick;
         }
         Ok(None)
+    }
+
+    fn visit(&mut self, state: &mut HiddenState) {
+        state.flag(&mut self.accelerations_are_known);
+        state.vectors(&mut self.accelerations);
     }
 
     fn accept(&mut self) {

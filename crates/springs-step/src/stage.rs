@@ -1,7 +1,7 @@
 //! The implicit stage that all converged methods share, and its Newton solver.
 
-use crate::linear::{LinearSystem, Linearized, OnDemand, Purpose};
-use crate::{MethodError, State, Work};
+use crate::linear::{Hessian, LinearSystem, Linearized, OnDemand, Purpose};
+use crate::{HiddenState, MethodError, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::{Evaluation, ForceEmitter as _, Projection, System, Weights};
 use springs_solver::SolveError;
@@ -63,7 +63,7 @@ const SUFFICIENT: f64 = 1e-4;
 impl Stage {
     pub(crate) fn new(system: &System) -> Result<Self, SolveError> {
         Ok(Self {
-            linear: LinearSystem::new(system)?,
+            linear: LinearSystem::new(system, Hessian::Exact)?,
             delta: vec![Vector3::zeros(); system.numbering().n_nodes()],
             start: State::initial(system),
             trial: State::initial(system),
@@ -255,6 +255,11 @@ impl Stage {
         self.linear.setup()
     }
 
+    /// Nothing else is carried from one stage to the next.
+    pub(crate) fn visit(&mut self, state: &mut HiddenState) {
+        self.linear.visit(state);
+    }
+
     /// With the matrix of the last correction: what is left of a disturbance
     /// of momenta when the springs have answered.
     pub(crate) fn filter(
@@ -346,6 +351,11 @@ impl Tensions {
 
     pub(crate) fn forget(&mut self) {
         self.are_known = false;
+    }
+
+    pub(crate) fn visit(&mut self, state: &mut HiddenState) {
+        state.flag(&mut self.are_known);
+        state.reals(&mut self.start);
     }
 
     /// Begins a step at the given positions; `end` is then the guess.

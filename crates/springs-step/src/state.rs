@@ -1,5 +1,6 @@
 //! Positions and velocities, in the order of the scene and of the unknowns.
 
+use crate::HiddenState;
 use nalgebra::Vector3;
 use springs_assembly::System;
 use springs_scene::Scene;
@@ -20,6 +21,11 @@ impl NodeStates {
             positions: scene.nodes.iter().map(|node| node.position).collect(),
             velocities: scene.nodes.iter().map(|node| node.velocity).collect(),
         }
+    }
+
+    pub(crate) fn visit(&mut self, state: &mut HiddenState) {
+        state.vectors(&mut self.positions);
+        state.vectors(&mut self.velocities);
     }
 
     /// Writes them into the nodes of a scene, so that it continues from here.
@@ -56,6 +62,12 @@ impl State {
             x: system.initial_positions().to_vec(),
             v: system.initial_velocities().to_vec(),
         }
+    }
+
+    pub(crate) fn visit(&mut self, state: &mut HiddenState) {
+        state.real(&mut self.time);
+        state.vectors(&mut self.x);
+        state.vectors(&mut self.v);
     }
 
     /// Becomes a copy of another state of the same system, without allocating.

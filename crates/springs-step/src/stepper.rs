@@ -2,7 +2,8 @@
 
 use crate::choose::start;
 use crate::{
-    Anchors, Cause, ErrorEstimate, Interval, Method, NodeStates, SetupError, State, StepError, Work,
+    Anchors, Cause, ErrorEstimate, HiddenState, Interval, Method, NodeStates, SetupError, State,
+    StepError, Work,
 };
 use springs_assembly::{System, compile};
 use springs_scene::Scene;
@@ -48,19 +49,24 @@ impl Clock {
 }
 
 impl Stepper {
-    /// Compiles the scene with the method of its settings.
+    /// Compiles the scene with the method of its settings. Since nodes may be
+    /// moved between steps, nothing is left out because of where they are.
     ///
     /// # Errors
     ///
     /// If the scene is wrong or the method cannot move it.
     pub fn new(scene: &Scene) -> Result<Self, SetupError> {
-        let system = compile(scene)?;
+        let mut scene = scene.clone();
+        scene.settings.skip = false;
+        let system = compile(&scene)?;
         let anchors = Anchors::new(&system, &State::initial(&system));
-        let method = start(scene, &system, &anchors)?.method;
+        let method = start(&scene, &system, &anchors)?.method;
         Ok(Self::with_method(system, method))
     }
 
-    /// A compiled scene with any method, for example one's own.
+    /// A compiled scene with any method, for example one's own. Where
+    /// [`System::motion`] is in a plane or on a line, nodes must not be moved out
+    /// of it between steps.
     pub fn with_method(system: System, method: Box<dyn Method>) -> Self {
         let state = State::initial(&system);
         Self {
@@ -211,6 +217,13 @@ impl Stepper {
     /// The attempted step is taken back; hidden state was not touched.
     pub(crate) fn reject(&mut self) {
         self.state.copy_from(&self.before);
+    }
+
+    pub(crate) fn visit(&mut self, state: &mut HiddenState) {
+        self.state.visit(state);
+        self.before.visit(state);
+        state.word(&mut self.steps);
+        self.method.visit(state);
     }
 
     /// Copies the global vectors back to the nodes.

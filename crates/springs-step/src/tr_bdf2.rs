@@ -2,7 +2,7 @@
 
 use crate::method::{LONGEST_TIME_SCALE, time_scale};
 use crate::stage::{Stage, StageProblem, Tensions, largest};
-use crate::{Anchors, ErrorEstimate, Interval, Method, MethodError, State, Work};
+use crate::{Anchors, ErrorEstimate, HiddenState, Interval, Method, MethodError, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::System;
 use springs_solver::SolveError;
@@ -203,6 +203,15 @@ impl Method for TrBdf2 {
             exponent: EXPONENT,
             block,
         })
+    }
+
+    fn visit(&mut self, state: &mut HiddenState) {
+        self.stage.visit(state);
+        self.tensions.visit(state);
+        state.flag(&mut self.forces_are_known);
+        state.vectors(&mut self.forces[0]);
+        state.real(&mut self.time_scale);
+        state.real(&mut self.step_size);
     }
 
     fn accept(&mut self) {

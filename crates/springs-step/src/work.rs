@@ -1,5 +1,6 @@
 //! What steps cost: counts and times.
 
+use crate::HiddenState;
 use std::ops::{AddAssign, Sub};
 use std::time::{Duration, Instant};
 
@@ -48,6 +49,45 @@ pub struct Work {
     pub counts: Counts,
     /// How long.
     pub phases: Phases,
+}
+
+impl Work {
+    pub(crate) fn visit(&mut self, state: &mut HiddenState) {
+        let Counts {
+            steps,
+            rejected_steps,
+            force_evaluations,
+            symbolic_factorizations,
+            linearizations,
+            factorizations,
+            solves,
+            solver_iterations,
+            newton_iterations,
+            clamped_springs,
+        } = &mut self.counts;
+        for count in [
+            steps,
+            rejected_steps,
+            force_evaluations,
+            symbolic_factorizations,
+            linearizations,
+            factorizations,
+            solves,
+            solver_iterations,
+            newton_iterations,
+            clamped_springs,
+        ] {
+            state.word(count);
+        }
+        let Phases {
+            assembly,
+            factorization,
+            solve,
+        } = &mut self.phases;
+        for phase in [assembly, factorization, solve] {
+            state.duration(phase);
+        }
+    }
 }
 
 impl AddAssign for Work {

@@ -3,9 +3,9 @@
 use super::source::SceneArguments;
 use super::{Ending, print};
 use anyhow::Context as _;
-use springs::assembly::compile;
-use springs::inspect::{count, inspect};
-use springs::step::{Pace, StepPlan, choose, solver_memory};
+use springs::assembly::System;
+use springs::inspect::{Saving, count, skipped, suspicious};
+use springs::step::{Islands, Pace, solver_memory};
 use std::fmt::Write as _;
 
 #[derive(clap::Args)]
@@ -17,9 +17,15 @@ pub(crate) struct CheckArguments {
 pub(crate) fn check(arguments: &CheckArguments) -> anyhow::Result<Ending> {
     let source = arguments.scene.load()?;
     let scene = &source.scene;
-    let system = compile(scene)?;
-    let choice = choose(scene, &system).map_err(|error| source.advised(&error))?;
-    let inspection = inspect(scene, &system, &choice);
+    let islands = Islands::new(scene).map_err(|error| source.advised(&error))?;
+    let skipped = skipped(scene, &islands);
+    let suspicious = suspicious(scene, &islands);
+    let largest = islands.largest().simulation();
+    let choice = largest.choice();
+    let systems = || {
+        let parts = islands.parts().iter();
+        parts.map(|part| part.simulation().stepper().system())
+    };
 
     let name = if scene.name.is_empty() {
         "scene"
@@ -32,20 +38,21 @@ pub(crate) fn check(arguments: &CheckArguments) -> anyhow::Result<Ending> {
         .filter(|node| node.is_moving_anchor())
         .count();
     let fixed = scene.nodes.iter().filter(|node| node.fixed).count();
-    let mass: f64 = system.masses().iter().sum();
+    let mass: f64 = systems().flat_map(System::masses).sum();
     let mut text = String::new();
     writeln!(text, "{name}")?;
     writeln!(
         text,
         "  {}: {} free, {fixed} fixed, {moving} of them moving",
         count(scene.nodes.len(), "node"),
-        system.n_free()
+        islands.n_free()
     )?;
+    let damped = scene.springs.iter().filter(|spring| spring.damping > 0.0);
     writeln!(
         text,
         "  {}, {} with damping",
         count(scene.springs.len(), "spring"),
-        system.dashpots().len()
+        damped.count()
     )?;
     writeln!(
         text,
@@ -60,7 +67,7 @@ pub(crate) fn check(arguments: &CheckArguments) -> anyhow::Result<Ending> {
     let duration = scene.settings.duration;
     match choice.pace {
         Pace::Fixed(h) => {
-            let plan = StepPlan::new(duration, h);
+            let plan = largest.plan().expect("steps of fixed size have a plan");
             let steps = count(plan.n_steps() as usize, "step");
             writeln!(
                 text,
@@ -80,39 +87,40 @@ pub(crate) fn check(arguments: &CheckArguments) -> anyhow::Result<Ending> {
     if !choice.reason.is_empty() {
         writeln!(text, "  because {}", choice.reason)?;
     }
+    let blocks = systems().map(|system| system.n_free() + system.pattern().pairs().len());
     writeln!(
         text,
         "  {} unknowns, {} stored matrix blocks",
-        3 * system.n_free(),
-        system.n_free() + system.pattern().pairs().len()
+        3 * islands.n_free(),
+        blocks.sum::<usize>()
     )?;
-    if choice.has_matrix() {
-        let bytes = solver_memory(&system).context("the solver cannot be sized")?;
-        writeln!(
-            text,
-            "  the linear solver needs {:.1} MB",
-            1e-6 * bytes as f64
-        )?;
+    let mut bytes = 0;
+    for part in islands.parts() {
+        let simulation = part.simulation();
+        if simulation.choice().has_matrix() {
+            let system = simulation.stepper().system();
+            bytes += solver_memory(system).context("the solver cannot be sized")?;
+        }
     }
-    list(
-        &mut text,
-        "skipped, without changing the result",
-        &inspection.skipped,
-    )?;
-    list(&mut text, "worth a look", &inspection.suspicious)?;
-    if inspection.suspicious.is_empty() {
+    if bytes > 0 {
+        writeln!(text, "  linear solvers need {:.1} MB", 1e-6 * bytes as f64)?;
+    }
+    if !skipped.is_empty() {
+        writeln!(text, "skipped, without changing the result:")?;
+    }
+    for saving in &skipped {
+        let Saving { what, saves, exact } = saving;
+        writeln!(text, "  - {what}: saves {saves}\n    exact {exact}")?;
+    }
+    if !suspicious.is_empty() {
+        writeln!(text, "worth a look:")?;
+    }
+    for line in &suspicious {
+        writeln!(text, "  - {line}")?;
+    }
+    if suspicious.is_empty() {
         writeln!(text, "nothing looks wrong")?;
     }
     print(&text)?;
     Ok(Ending::Done)
-}
-
-fn list(text: &mut String, title: &str, lines: &[String]) -> std::fmt::Result {
-    if !lines.is_empty() {
-        writeln!(text, "{title}:")?;
-    }
-    for line in lines {
-        writeln!(text, "  - {line}")?;
-    }
-    Ok(())
 }

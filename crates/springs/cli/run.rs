@@ -6,7 +6,7 @@ use super::{Ending, Unwritten, say, say_error, summary, watch_for_interrupt};
 use indicatif::{ProgressBar, ProgressStyle};
 use springs::report::{self, Timings, report};
 use springs::scene::Scene;
-use springs::step::{Frame, Observer, Outcome, Simulation};
+use springs::step::{Frame, Islands, Observer, Outcome};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -52,7 +52,7 @@ pub(crate) fn run(arguments: &RunArguments) -> anyhow::Result<Ending> {
     Output::check(&folder, arguments.force)?;
     let source = arguments.scene.load()?;
     let scene = &source.scene;
-    let mut simulation = Simulation::new(scene).map_err(|error| source.advised(&error))?;
+    let mut islands = Islands::new(scene).map_err(|error| source.advised(&error))?;
     let mut timings = Timings {
         setup: begin.elapsed(),
         ..Timings::default()
@@ -67,7 +67,7 @@ pub(crate) fn run(arguments: &RunArguments) -> anyhow::Result<Ending> {
             false => progress_bar(),
         },
         last_drawn: Instant::now(),
-        duration: simulation.duration(),
+        duration: islands.duration(),
         output,
         writing: Duration::ZERO,
         failure: None,
@@ -78,7 +78,7 @@ pub(crate) fn run(arguments: &RunArguments) -> anyhow::Result<Ending> {
         1
     };
     let running = Instant::now();
-    let outcome = simulation.run(frames, &mut watcher);
+    let outcome = islands.run(frames, &mut watcher);
     timings.stepping = running.elapsed() - watcher.writing;
     watcher.progress.finish_and_clear();
     if let Some(unwritten) = watcher.failure {
@@ -91,11 +91,11 @@ pub(crate) fn run(arguments: &RunArguments) -> anyhow::Result<Ending> {
     };
 
     let writing = Instant::now();
-    let time = simulation.stepper().time();
-    let written = watcher.output.finish(&last(scene, &simulation), time)?;
+    let time = islands.time();
+    let written = watcher.output.finish(&last(scene, &islands), time)?;
     timings.output = watcher.writing + writing.elapsed();
     timings.total = begin.elapsed();
-    let report = report(scene, &simulation, ending, timings);
+    let report = report(scene, &islands, ending, timings);
     watcher.output.report(&report)?;
 
     if !arguments.quiet {
@@ -123,9 +123,9 @@ pub(crate) fn run(arguments: &RunArguments) -> anyhow::Result<Ending> {
 }
 
 /// The scene as the simulation left it.
-fn last(scene: &Scene, simulation: &Simulation) -> Scene {
+fn last(scene: &Scene, islands: &Islands) -> Scene {
     let mut scene = scene.clone();
-    simulation.nodes().write_to(&mut scene);
+    islands.nodes().write_to(&mut scene);
     scene
 }
 

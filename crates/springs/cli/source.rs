@@ -36,6 +36,12 @@ pub(crate) struct SceneArguments {
     /// How precisely linear systems are solved by iteration: sufficient, strict
     #[arg(long, value_name = "HOW")]
     solution: Option<Solution>,
+    /// Let parts sleep that can move no further than this, in metres
+    #[arg(long, value_name = "REACH", allow_negative_numbers = true)]
+    sleep: Option<f64>,
+    /// Leave nothing out: what a scene does not need is computed all the same
+    #[arg(long)]
+    no_skip: bool,
     /// Threads that may be used; results do not depend on it [default: all]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     threads: Option<u32>,
@@ -73,6 +79,8 @@ impl SceneArguments {
             settings.tangent = None;
         }
         settings.tangent = self.tangent.or(settings.tangent);
+        settings.sleep = self.sleep.or(settings.sleep);
+        settings.skip = !self.no_skip;
         settings.solution = self.solution.unwrap_or(settings.solution);
         settings.threads = self.threads.map_or(settings.threads, |n| n as usize);
         settings.duration = self.duration.unwrap_or(settings.duration);

@@ -5,6 +5,9 @@ use springs::io::Report;
 use springs::scene::Scene;
 use std::path::Path;
 
+/// Changes of method that are told.
+const MOST_SWITCHES: usize = 5;
+
 /// A few lines for a person.
 pub(crate) fn summary(scene: &Scene, report: &Report, folder: &Path, written: &[&str]) -> String {
     let mut lines = Vec::new();
@@ -48,7 +51,13 @@ pub(crate) fn summary(scene: &Scene, report: &Report, folder: &Path, written: &[
     if let Some(reason) = &report.reason {
         lines.push(format!("  chosen because {reason}"));
     }
-    for switch in &report.switches {
+    if !report.islands.is_empty() {
+        lines.push(format!(
+            "  in {} that do not feel each other; that is the largest, and the most steps",
+            count(report.islands.len(), "part"),
+        ));
+    }
+    for switch in report.switches.iter().take(MOST_SWITCHES) {
         lines.push(format!(
             "  from {} s on with {}, {}",
             short(switch.time),

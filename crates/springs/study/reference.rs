@@ -4,7 +4,7 @@ use super::{Clock, StudyError};
 use nalgebra::Vector3;
 use serde::Serialize;
 use springs_scene::{Method, Scene, StepControl};
-use springs_step::{Observer, Outcome, Simulation};
+use springs_step::{Islands, Observer, Outcome};
 use std::ops::ControlFlow;
 
 /// A reference solution and how far it can be trusted.
@@ -135,7 +135,7 @@ fn solve(
     scene.settings.method = method;
     scene.settings.tangent = None;
     scene.settings.step = StepControl::Tolerance(tolerance);
-    let Ok(mut simulation) = Simulation::new(&scene) else {
+    let Ok(mut simulation) = Islands::new(&scene) else {
         return Ok(None);
     };
     let mut guard = Guard {

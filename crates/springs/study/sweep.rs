@@ -5,7 +5,7 @@ use super::{Clock, Options, Study};
 use nalgebra::Vector3;
 use serde::Serialize;
 use springs_scene::{Method, Scene, StepControl};
-use springs_step::{Outcome, Simulation};
+use springs_step::{Islands, Outcome};
 use std::time::Instant;
 
 /// What a run was asked for.
@@ -143,7 +143,7 @@ fn one(
             return Next::Stop;
         }
         let begin = Instant::now();
-        let mut simulation = match Simulation::new(&scene) {
+        let mut simulation = match Islands::new(&scene) {
             Ok(simulation) => simulation,
             Err(error) => {
                 study.refused.push((method.to_string(), error.to_string()));

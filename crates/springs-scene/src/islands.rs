@@ -1,0 +1,145 @@
+//! Parts of a scene that do not feel each other.
+
+use crate::Scene;
+
+/// Nodes and springs that act on each other, by their indices in the scene,
+/// ascending.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Island {
+    /// Its free nodes, and the fixed nodes that its springs are held by.
+    pub nodes: Vec<usize>,
+    /// Its springs.
+    pub springs: Vec<usize>,
+}
+
+/// A scene cut apart. Fixed nodes belong to every island that they hold, since
+/// nothing passes through them.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Partition {
+    /// Free nodes that springs connect, in the order of their first nodes.
+    pub connected: Vec<Island>,
+    /// Free nodes without a spring.
+    pub loose: Vec<usize>,
+    /// Springs between fixed nodes with their ends, and fixed nodes without a
+    /// spring.
+    pub fixed: Island,
+}
+
+impl Scene {
+    /// Cuts the scene into parts that do not feel each other.
+    ///
+    /// # Panics
+    ///
+    /// If a spring joins a node that does not exist.
+    pub fn islands(&self) -> Partition {
+        let mut roots: Vec<usize> = (0..self.nodes.len()).collect();
+        let is_free = |node: &usize| !self.nodes[*node].fixed;
+        for spring in &self.springs {
+            if spring.nodes.iter().all(is_free) {
+                let [a, b] = spring.nodes.map(|node| root(&mut roots, node));
+                roots[a.max(b)] = a.min(b);
+            }
+        }
+        let mut has_spring = vec![false; self.nodes.len()];
+        for node in self.springs.iter().flat_map(|spring| spring.nodes) {
+            has_spring[node] = true;
+        }
+        let mut islands = Partition::default();
+        // Island of each root.
+        let mut island_of = vec![usize::MAX; self.nodes.len()];
+        for (node, state) in self.nodes.iter().enumerate() {
+            match (state.fixed, has_spring[node]) {
+                (true, false) => islands.fixed.nodes.push(node),
+                (true, true) => {}
+                (false, false) => islands.loose.push(node),
+                (false, true) => {
+                    let root = root(&mut roots, node);
+                    if island_of[root] == usize::MAX {
+                        island_of[root] = islands.connected.len();
+                        islands.connected.push(Island::default());
+                    }
+                    islands.connected[island_of[root]].nodes.push(node);
+                }
+            }
+        }
+        for (index, spring) in self.springs.iter().enumerate() {
+            let island = match spring.nodes.iter().copied().find(is_free) {
+                Some(node) => &mut islands.connected[island_of[root(&mut roots, node)]],
+                None => &mut islands.fixed,
+            };
+            island.springs.push(index);
+            let held = spring.nodes.iter().filter(|node| !is_free(node));
+            island.nodes.extend(held);
+        }
+        for island in islands.connected.iter_mut().chain([&mut islands.fixed]) {
+            island.nodes.sort_unstable();
+            island.nodes.dedup();
+        }
+        islands
+    }
+
+    /// The part of the scene with the nodes and springs of an island.
+    ///
+    /// # Panics
+    ///
+    /// If a spring of it joins a node that is not in it.
+    pub fn part(&self, island: &Island) -> Self {
+        let here = |node: usize| {
+            let found = island.nodes.binary_search(&node);
+            found.expect("a node of the island")
+        };
+        let springs = island.springs.iter().map(|&spring| crate::Spring {
+            nodes: self.springs[spring].nodes.map(here),
+            ..self.springs[spring]
+        });
+        Self {
+            name: self.name.clone(),
+            gravity: self.gravity,
+            nodes: island.nodes.iter().map(|&node| self.nodes[node]).collect(),
+            springs: springs.collect(),
+            settings: self.settings,
+        }
+    }
+}
+
+fn root(roots: &mut [usize], mut node: usize) -> usize {
+    while roots[node] != node {
+        roots[node] = roots[roots[node]];
+        node = roots[node];
+    }
+    node
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Node, Vector3};
+
+    #[test]
+    fn fixed_nodes_do_not_connect() {
+        let mut scene = Scene::default();
+        for node in 0..8 {
+            let position = Vector3::x() * f64::from(node);
+            scene.add_node(match node {
+                0 | 3 | 7 => Node::fixed(position),
+                _ => Node::at(position),
+            });
+        }
+        for [a, b] in [[0, 1], [1, 2], [0, 4], [3, 0]] {
+            scene.add_spring(a, b, 1.0);
+        }
+        let islands = scene.islands();
+        let island = |nodes: &[usize], springs: &[usize]| Island {
+            nodes: nodes.to_vec(),
+            springs: springs.to_vec(),
+        };
+        let connected = vec![island(&[0, 1, 2], &[0, 1]), island(&[0, 4], &[2])];
+        assert_eq!(islands.connected, connected);
+        assert_eq!(islands.loose, [5, 6]);
+        assert_eq!(islands.fixed, island(&[0, 3, 7], &[3]));
+
+        let part = scene.part(&islands.connected[1]);
+        assert_eq!(part.nodes, [scene.nodes[0], scene.nodes[4]]);
+        assert_eq!(part.springs[0].nodes, [0, 1]);
+    }
+}

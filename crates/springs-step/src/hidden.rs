@@ -1,0 +1,245 @@
+//! Hidden state: all that a run carries along beside positions and velocities.
+
+use nalgebra::Vector3;
+use std::time::Duration;
+
+/// A walk through the state of a run, in one order for saving and for loading,
+/// so that the two cannot disagree: every part of the state hands over its
+/// fields, which are either written down or replaced.
+///
+/// A run that goes on from a saved state gives the same bits as one that was
+/// never stopped.
+#[derive(Clone, Debug, Default)]
+pub struct HiddenState {
+    words: Vec<u64>,
+    /// The next word to be loaded; `None` while saving.
+    next: Option<usize>,
+    is_sound: bool,
+}
+
+/// The saved state does not belong to the run that it was loaded into.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the saved state does not fit the scene")]
+pub struct ForeignState;
+
+impl HiddenState {
+    /// To be filled.
+    pub(crate) fn saving() -> Self {
+        Self {
+            words: Vec::new(),
+            next: None,
+            is_sound: true,
+        }
+    }
+
+    /// To be loaded from.
+    pub(crate) fn loading(words: Vec<u64>) -> Self {
+        Self {
+            words,
+            next: Some(0),
+            is_sound: true,
+        }
+    }
+
+    /// The words that were saved.
+    pub(crate) fn into_words(self) -> Vec<u64> {
+        self.words
+    }
+
+    pub(crate) fn is_loading(&self) -> bool {
+        self.next.is_some()
+    }
+
+    /// Whether everything was as expected so far.
+    pub(crate) fn is_sound(&self) -> bool {
+        self.is_sound
+    }
+
+    /// Whatever was loaded is of no use.
+    pub(crate) fn refuse(&mut self) {
+        self.is_sound = false;
+    }
+
+    /// # Errors
+    ///
+    /// If what was loaded was not what was asked for, or not all of it.
+    pub(crate) fn finish(self) -> Result<(), ForeignState> {
+        let is_used_up = self.next.is_none_or(|next| next == self.words.len());
+        match self.is_sound && is_used_up {
+            true => Ok(()),
+            false => Err(ForeignState),
+        }
+    }
+
+    /// A whole number.
+    pub fn word(&mut self, word: &mut u64) {
+        match &mut self.next {
+            None => self.words.push(*word),
+            Some(next) => match self.words.get(*next) {
+                Some(saved) if self.is_sound => {
+                    *word = *saved;
+                    *next += 1;
+                }
+                _ => self.is_sound = false,
+            },
+        }
+    }
+
+    /// A number, bit by bit.
+    pub fn real(&mut self, real: &mut f64) {
+        let mut bits = real.to_bits();
+        self.word(&mut bits);
+        *real = f64::from_bits(bits);
+    }
+
+    /// A truth.
+    pub fn flag(&mut self, flag: &mut bool) {
+        let mut word = u64::from(*flag);
+        self.word(&mut word);
+        self.is_sound &= word <= 1;
+        *flag = word == 1;
+    }
+
+    /// Numbers; there must be as many when they are loaded.
+    pub fn reals(&mut self, reals: &mut [f64]) {
+        self.length(reals.len());
+        reals.iter_mut().for_each(|real| self.real(real));
+    }
+
+    /// Vectors; there must be as many when they are loaded.
+    pub fn vectors(&mut self, vectors: &mut [Vector3<f64>]) {
+        self.length(vectors.len());
+        for component in vectors.iter_mut().flatten() {
+            self.real(component);
+        }
+    }
+
+    pub(crate) fn duration(&mut self, duration: &mut Duration) {
+        let mut nanoseconds = duration.as_nanos() as u64;
+        self.word(&mut nanoseconds);
+        *duration = Duration::from_nanos(nanoseconds);
+    }
+
+    pub(crate) fn text(&mut self, text: &mut String) {
+        let mut length = text.len() as u64;
+        self.word(&mut length);
+        let bytes = text.bytes().map(u64::from);
+        let mut words: Vec<u64> = bytes.collect();
+        if self.is_loading() {
+            // No longer than there is something to load.
+            words = vec![0; (length as usize).min(self.words.len())];
+        }
+        words.iter_mut().for_each(|word| self.word(word));
+        let bytes = words.iter().map(|&word| word as u8).collect();
+        *text = String::from_utf8(bytes).unwrap_or_default();
+    }
+
+    /// A value that may be there.
+    pub(crate) fn option<T: Default>(
+        &mut self,
+        option: &mut Option<T>,
+        visit: impl FnOnce(&mut T, &mut Self),
+    ) {
+        let mut is_some = option.is_some();
+        self.flag(&mut is_some);
+        match is_some {
+            true => visit(option.get_or_insert_default(), self),
+            false => *option = None,
+        }
+    }
+
+    fn length(&mut self, length: usize) {
+        let mut word = length as u64;
+        self.word(&mut word);
+        self.is_sound &= word == length as u64;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Thing {
+        word: u64,
+        real: f64,
+        flag: bool,
+        vectors: Vec<Vector3<f64>>,
+        text: String,
+        option: Option<f64>,
+    }
+
+    impl Thing {
+        fn visit(&mut self, state: &mut HiddenState) {
+            state.word(&mut self.word);
+            state.real(&mut self.real);
+            state.flag(&mut self.flag);
+            state.vectors(&mut self.vectors);
+            state.text(&mut self.text);
+            state.option(&mut self.option, |real, state| state.real(real));
+        }
+    }
+
+    fn thing() -> Thing {
+        Thing {
+            word: 7,
+            real: -0.0,
+            flag: true,
+            vectors: vec![Vector3::new(1.0, f64::MIN_POSITIVE, -3.0); 2],
+            text: "cheaper from l₀ on".to_owned(),
+            option: Some(2.5),
+        }
+    }
+
+    fn other() -> Thing {
+        Thing {
+            word: 0,
+            real: 1.0,
+            flag: false,
+            vectors: vec![Vector3::zeros(); 2],
+            text: String::new(),
+            option: None,
+        }
+    }
+
+    #[test]
+    fn what_is_saved_is_loaded() {
+        let mut saved = HiddenState::saving();
+        thing().visit(&mut saved);
+        let mut loaded = HiddenState::loading(saved.into_words());
+        let mut thing = other();
+        thing.visit(&mut loaded);
+        loaded.finish().unwrap();
+        let expected = self::thing();
+        assert_eq!(thing.real.to_bits(), expected.real.to_bits());
+        assert_eq!((thing.word, thing.flag), (expected.word, expected.flag));
+        assert_eq!(thing.vectors, expected.vectors);
+        assert_eq!((thing.text, thing.option), (expected.text, expected.option));
+    }
+
+    /// Every word cut off, turned into another one, or added.
+    #[test]
+    fn other_states_are_refused_without_a_panic() {
+        let mut saved = HiddenState::saving();
+        thing().visit(&mut saved);
+        let words = saved.into_words();
+        let refused = |words: &[u64]| {
+            let mut state = HiddenState::loading(words.to_vec());
+            other().visit(&mut state);
+            state.finish().is_err()
+        };
+        for length in 0..words.len() {
+            assert!(refused(&words[..length]), "{length} words");
+        }
+        assert!(refused(&[&words[..], &[0]].concat()));
+        for index in 0..words.len() {
+            let mut words = words.clone();
+            words[index] = u64::MAX;
+            refused(&words);
+        }
+        let mut more = other();
+        more.vectors.push(Vector3::zeros());
+        let mut state = HiddenState::loading(words);
+        more.visit(&mut state);
+        assert!(state.finish().is_err());
+    }
+}

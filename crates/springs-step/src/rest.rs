@@ -1,0 +1,98 @@
+//! How far a system can still move from where it is.
+
+use crate::State;
+use crate::linear::numbers_mut;
+use nalgebra::Vector3;
+use springs_assembly::{Evaluation, Linearization, Projection, System, Weights};
+use springs_solver::{Options, Solver};
+
+/// Finds out whether a system is at rest: exactly, or up to small motion about a
+/// stable equilibrium.
+pub(crate) struct Rest {
+    /// Of the Hessian; `None` if it cannot be analyzed.
+    solver: Option<Solver>,
+    out: Linearization,
+    toward: Vec<Vector3<f64>>,
+    slowest: Vec<Vector3<f64>>,
+}
+
+/// Inverse iterations for the softest direction of the Hessian.
+const ITERATIONS: usize = 8;
+
+impl Rest {
+    pub(crate) fn new(system: &System) -> Self {
+        let pairs = system.pattern().pairs();
+        let zeros = vec![Vector3::zeros(); system.n_free()];
+        Self {
+            solver: Solver::analyze(system.n_free(), pairs, Options::default()).ok(),
+            out: system.linearization(),
+            toward: zeros.clone(),
+            slowest: zeros,
+        }
+    }
+
+    /// Whether nothing moves and nothing pushes, to the last bit.
+    pub(crate) fn is_exact(system: &System, state: &State) -> bool {
+        let mut forces = vec![Vector3::zeros(); system.n_free()];
+        system.forces(&state.x, &state.v, &mut forces);
+        let still = |vectors: &[Vector3<f64>]| vectors.iter().all(|v| *v == Vector3::zeros());
+        still(&state.v) && still(&forces)
+    }
+
+    /// How far, in m, any node can still get from where it is: to the
+    /// equilibrium by the Hessian H, x + H⁻¹f, and from there as far as the
+    /// energy E = ½ fᵀH⁻¹f + ½ vᵀM v reaches in the softest direction, √(2E/λ),
+    /// to first order. `None` where fixed nodes move or H is not positive
+    /// definite, so that motion need not end.
+    pub(crate) fn reach(&mut self, system: &System, state: &State) -> Option<f64> {
+        let n_free = system.n_free();
+        let anchors = &state.v[n_free..];
+        if anchors.iter().any(|v| *v != Vector3::zeros()) {
+            return None;
+        }
+        let at = Evaluation {
+            x: &state.x,
+            v: &state.v,
+            projection: Projection::None,
+            tensions: None,
+            dashpot_tension: false,
+            weights: Weights::STIFFNESS,
+        };
+        system.linearize(&at, &mut self.out);
+        let solver = self.solver.as_mut()?;
+        let matrix = &self.out.matrix;
+        let set = solver.set_matrix(matrix.diagonal(), matrix.off_diagonal());
+        set.ok()?;
+        let mut solve = |x: &mut [Vector3<f64>]| solver.solve_in_place(numbers_mut(x), 1e-6).ok();
+
+        self.toward.copy_from_slice(&self.out.forces);
+        solve(&mut self.toward)?;
+        let products = self.toward.iter().zip(&self.out.forces);
+        let potential: f64 = products.map(|(d, f)| 0.5 * d.dot(f)).sum();
+        let energy = potential + system.energy(&state.x, &state.v).kinetic;
+
+        let mut softness = 0.0;
+        for (k, x) in self.slowest.iter_mut().enumerate() {
+            // Anything that no direction is orthogonal to.
+            *x = Vector3::new(1.0, 0.7, 0.4) + Vector3::repeat((k as f64).sin());
+        }
+        for _ in 0..ITERATIONS {
+            let norm = self
+                .slowest
+                .iter()
+                .map(Vector3::norm_squared)
+                .sum::<f64>()
+                .sqrt();
+            self.slowest.iter_mut().for_each(|x| *x /= norm);
+            solve(&mut self.slowest)?;
+            softness = self
+                .slowest
+                .iter()
+                .map(Vector3::norm_squared)
+                .sum::<f64>()
+                .sqrt();
+        }
+        let farthest = self.toward.iter().map(Vector3::norm).fold(0.0, f64::max);
+        Some(farthest + (2.0 * energy * softness).sqrt())
+    }
+}

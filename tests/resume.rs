@@ -1,0 +1,189 @@
+//! A run that was stopped, saved and resumed gives the same bits as one that
+//! never stopped.
+
+mod common;
+
+use common::tangle;
+use springs::scene::generate::{Material, block, cloth};
+use springs::scene::{Method, Scene, StepControl, Tangent};
+use springs::step::{Frame, Islands, NodeStates, Observer, Outcome};
+use std::ops::ControlFlow;
+
+/// Remembers frames, and stops after some calls.
+#[derive(Default)]
+struct Watcher {
+    frames: Vec<(usize, f64, NodeStates)>,
+    calls_left: Option<usize>,
+}
+
+impl Observer for Watcher {
+    fn frame(&mut self, frame: Frame<'_>) -> ControlFlow<()> {
+        self.frames
+            .push((frame.index, frame.time, frame.nodes.clone()));
+        ControlFlow::Continue(())
+    }
+
+    fn step(&mut self, _time: f64) -> ControlFlow<()> {
+        match &mut self.calls_left {
+            Some(0) => ControlFlow::Break(()),
+            Some(left) => {
+                *left -= 1;
+                ControlFlow::Continue(())
+            }
+            None => ControlFlow::Continue(()),
+        }
+    }
+}
+
+const INTERVALS: usize = 7;
+
+/// Runs a scene through, and with a stop every few steps, each time in a
+/// simulation made anew; frames, end and counts must agree.
+fn check(scene: &Scene, every: usize) {
+    let what = format!("{}, {}", scene.name, scene.settings.method);
+    let mut through = Watcher::default();
+    let mut islands = Islands::new(scene).unwrap();
+    islands.run(INTERVALS, &mut through).unwrap();
+
+    let mut watcher = Watcher::default();
+    let mut resumed = Islands::new(scene).unwrap();
+    let mut stops = 0;
+    loop {
+        watcher.calls_left = Some(every);
+        if resumed.run(INTERVALS, &mut watcher).unwrap() == Outcome::Finished {
+            break;
+        }
+        let words = resumed.save();
+        resumed = Islands::new(scene).unwrap();
+        resumed.restore(words).unwrap();
+        stops += 1;
+        assert!(stops < 10_000, "{what} gets on");
+    }
+    assert!(stops > 1, "{what} was stopped {stops} times");
+    assert_eq!(watcher.frames, through.frames, "{what}");
+    assert_eq!(resumed.nodes(), islands.nodes(), "{what}");
+    assert_eq!(resumed.energy(), islands.energy(), "{what}");
+    assert_eq!(resumed.ledger(), islands.ledger(), "{what}");
+    assert_eq!(resumed.work().counts.steps, islands.work().counts.steps);
+}
+
+fn undamped(n_nodes: usize, seed: u64) -> Scene {
+    let mut scene = tangle(n_nodes, seed);
+    for spring in &mut scene.springs {
+        spring.damping = 0.0;
+    }
+    scene
+}
+
+#[test]
+fn every_method_in_steps_of_fixed_size() {
+    for &method in Method::ALL {
+        let mut scene = undamped(9, 3);
+        scene.settings.method = method;
+        scene.settings.step = StepControl::Fixed(2e-3);
+        // The last step is shorter.
+        scene.settings.duration = 0.0433;
+        check(&scene, 3);
+    }
+}
+
+#[test]
+fn every_tangent() {
+    for &tangent in Tangent::ALL {
+        let mut scene = tangle(9, 4);
+        scene.settings.method = Method::LinearlyImplicitEuler;
+        scene.settings.tangent = Some(tangent);
+        scene.settings.step = StepControl::Fixed(1e-2);
+        scene.settings.duration = 0.3;
+        check(&scene, 4);
+    }
+}
+
+#[test]
+fn every_method_with_a_tolerance() {
+    for &method in Method::ALL {
+        let mut scene = undamped(9, 5);
+        scene.settings.method = method;
+        scene.settings.step = StepControl::Tolerance(1e-3);
+        scene.settings.duration = 0.2;
+        check(&scene, 5);
+    }
+}
+
+/// Methods change on the way.
+#[test]
+fn automatic_choice() {
+    let mut scene = common::moving::moving_scenes()
+        .into_iter()
+        .find(|scene| {
+            let mut scene = scene.clone();
+            scene.settings.method = Method::Auto;
+            scene.settings.step = StepControl::Tolerance(1e-4);
+            let mut islands = Islands::new(&scene).unwrap();
+            islands.run(1, &mut ()).unwrap();
+            let parts = islands.parts().iter();
+            parts
+                .map(|part| part.simulation().switches().len())
+                .sum::<usize>()
+                > 0
+        })
+        .expect("a scene on which methods change");
+    scene.settings.method = Method::Auto;
+    scene.settings.step = StepControl::Tolerance(1e-4);
+    check(&scene, 9);
+}
+
+/// Several parts, some asleep, and frames between their steps.
+#[test]
+fn islands() {
+    let mut scene = undamped(6, 1);
+    let other = undamped(7, 2);
+    let first = scene.nodes.len();
+    scene.nodes.extend(&other.nodes);
+    scene
+        .springs
+        .extend(other.springs.iter().map(|spring| springs::scene::Spring {
+            nodes: spring.nodes.map(|node| node + first),
+            ..*spring
+        }));
+    scene.settings.method = Method::Auto;
+    scene.settings.duration = 0.4;
+    scene.settings.sleep = Some(1e-9);
+    for step in [StepControl::Fixed(1e-3), StepControl::Tolerance(1e-4)] {
+        scene.settings.step = step;
+        check(&scene, 11);
+    }
+}
+
+/// The route of the solver depends on the matrices before.
+#[test]
+fn large_scenes_with_iterative_solvers() {
+    let mut scenes = [
+        cloth(48, Material::of_cloth()),
+        block(11, Material::of_block()),
+    ];
+    for scene in &mut scenes {
+        scene.settings.method = Method::LinearlyImplicitEuler;
+        scene.settings.step = StepControl::Fixed(1.0 / 60.0);
+        scene.settings.duration = 0.4;
+        check(scene, 5);
+    }
+}
+
+#[test]
+fn the_state_of_another_scene_is_refused() {
+    let scene = undamped(9, 3);
+    let words = Islands::new(&scene).unwrap().save();
+    let other = undamped(10, 3);
+    assert!(
+        Islands::new(&other)
+            .unwrap()
+            .restore(words.clone())
+            .is_err()
+    );
+    for length in [0, 1, words.len() / 2, words.len() - 1] {
+        let mut islands = Islands::new(&scene).unwrap();
+        assert!(islands.restore(words[..length].to_vec()).is_err());
+    }
+    assert!(Islands::new(&scene).unwrap().restore(words).is_ok());
+}
