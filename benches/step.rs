@@ -2,7 +2,8 @@
 //! note: the same step with triplets that are rebuilt, sorted and analyzed
 //! every time and solved by LDLᵀ, since they may be indefinite; once column by
 //! column, as the sparse libraries of the note's time do by default, and once
-//! with faer choosing between that and dense kernels.
+//! with faer choosing between that and dense kernels. Ours is made twice, too:
+//! strictly, which is the very same step, and with sufficient solutions.
 
 mod common;
 
@@ -15,7 +16,7 @@ use faer::sparse::linalg::cholesky::{
 use faer::sparse::{SparseColMat, Triplet};
 use faer::{Col, Conj, Par, Side};
 use nalgebra::{Matrix3, Vector3};
-use springs::scene::{Method, Scene, StepControl};
+use springs::scene::{Method, Scene, Solution, StepControl};
 use springs::step::{NodeStates, Simulation, Stepper};
 
 const H: f64 = 1.0 / 60.0;
@@ -125,7 +126,9 @@ fn solve(matrix: &SparseColMat<usize, f64>, rhs: &mut Col<f64>, factorization: F
 /// Both readings make the same step, or the comparison would be worth nothing.
 fn check_plain_step(scene: &Scene, factorization: Factorization) {
     let (mut ours, mut plain) = (NodeStates::of(scene), NodeStates::of(scene));
-    let mut stepper = Stepper::new(scene).expect("a sound scene");
+    let mut strict = scene.clone();
+    strict.settings.solution = Solution::Strict;
+    let mut stepper = Stepper::new(&strict).expect("a sound scene");
     stepper.step(&mut ours, H).expect("a step");
     plain_step(scene, &mut plain, factorization);
     let pairs = ours.velocities.iter().zip(&plain.velocities);
@@ -140,12 +143,13 @@ fn step(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("step");
     for scene in common::scenes() {
         let id = |what| BenchmarkId::new(what, &scene.name);
-        for (threads, what) in [
-            (1, "linearly implicit Euler"),
-            (0, "linearly implicit Euler, all threads"),
+        for (solution, what) in [
+            (Solution::Strict, "linearly implicit Euler, strict"),
+            (Solution::Sufficient, "linearly implicit Euler"),
         ] {
             let mut scene = scene.clone();
-            scene.settings.threads = threads;
+            scene.settings.threads = 1;
+            scene.settings.solution = solution;
             let mut nodes = NodeStates::of(&scene);
             let mut stepper = Stepper::new(&scene).expect("a sound scene");
             group.bench_function(id(what), |bencher| {

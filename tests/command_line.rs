@@ -330,6 +330,113 @@ fn an_interrupted_run_exits_with_130_and_keeps_its_frames() {
     assert!(desk.read("cloth/trajectory.csv").ends_with('\n'));
 }
 
+/// Interrupted at any moment, with or without checkpoints asked for, a run goes
+/// on as if nothing had been.
+#[test]
+fn an_interrupted_run_can_be_resumed() {
+    for more in ["", "--checkpoint 0.1s"] {
+        let desk = Desk::new();
+        desk.scene("cloth.ron", "cloth 12 --duration 0.4 --step 1e-4");
+        let options = "--write csv,energy,svg --frames 9 --quiet";
+        desk.expect(0, &format!("run cloth.ron --out whole {options}"));
+        let mut child = Command::new(env!("CARGO_BIN_EXE_springs"))
+            .current_dir(&desk.0)
+            .args(format!("run cloth.ron {options} {more}").split_whitespace())
+            .spawn()
+            .unwrap();
+        while !desk.path("cloth").exists() {
+            std::thread::sleep(std::time::Duration::from_millis(5));
+        }
+        std::thread::sleep(std::time::Duration::from_millis(50));
+        let id = child.id().to_string();
+        Command::new("kill").args(["-INT", &id]).status().unwrap();
+        assert_eq!(child.wait().unwrap().code(), Some(130));
+        let refused = desk.expect(2, "run cloth.ron --quiet");
+        assert!(refused.contains("another run"), "{refused}");
+        desk.expect(0, "resume cloth --quiet");
+        for name in ["final.ron", "trajectory.csv", "energy.csv", "filmstrip.svg"] {
+            let (whole, resumed) = (format!("whole/{name}"), format!("cloth/{name}"));
+            assert_eq!(desk.read(&whole), desk.read(&resumed), "{name} {more}");
+        }
+        assert_eq!(desk.report("cloth")["status"], "finished");
+        let nothing = desk.expect(2, "resume cloth");
+        assert!(nothing.contains("holds no checkpoint"), "{nothing}");
+    }
+}
+
+#[test]
+fn a_checkpoint_that_is_not_sound_is_refused() {
+    let desk = Desk::new();
+    desk.scene("cloth.ron", "cloth 6 --duration 1e3");
+    // Too long to be finished.
+    let mut child = Command::new(env!("CARGO_BIN_EXE_springs"))
+        .current_dir(&desk.0)
+        .args("run cloth.ron --checkpoint 10 --write csv --quiet".split_whitespace())
+        .spawn()
+        .unwrap();
+    let (path, part) = (
+        desk.path("cloth/checkpoint.bin"),
+        desk.path("cloth/trajectory.csv.part"),
+    );
+    while std::fs::metadata(&part).map_or(0, |part| part.len()) < 1_000_000 {
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let sound = std::fs::read(&path).unwrap();
+    let mut flipped = sound.clone();
+    flipped[100] ^= 4;
+    for bad in [&sound[..sound.len() / 2], &flipped, b"Scene("] {
+        std::fs::write(&path, bad).unwrap();
+        let error = desk.expect(2, "resume cloth");
+        let named = ["damaged", "not a checkpoint"]
+            .iter()
+            .any(|why| error.contains(why));
+        assert!(named && error.contains("checkpoint.bin"), "{error}");
+    }
+    // That of another run: its trajectory is not the one here.
+    std::fs::write(&path, &sound).unwrap();
+    let rows = std::fs::read(&part).unwrap();
+    std::fs::write(&part, &rows[..40]).unwrap();
+    let error = desk.expect(2, "resume cloth");
+    assert!(error.contains("trajectory.csv.part"), "{error}");
+    assert_eq!(std::fs::read(&path).unwrap(), sound, "nothing was touched");
+}
+
+/// Every row of energy.csv closes: what is there is what was, plus what came,
+/// minus what went, plus what the method made.
+#[test]
+fn energy_is_accounted_for_at_every_frame() {
+    let desk = Desk::new();
+    desk.scene("cloth.ron", "cloth 6 --duration 0.5");
+    desk.expect(0, "run cloth.ron --write energy --frames 20 --quiet");
+    let text = desk.read("cloth/energy.csv");
+    let mut lines = text.lines();
+    let header = "time,kinetic,elastic,gravity,total,anchor_work,dashpot_heat,method_gain";
+    assert_eq!(lines.next(), Some(header));
+    let rows: Vec<Vec<f64>> = lines
+        .map(|line| {
+            line.split(',')
+                .map(|number| number.parse().unwrap())
+                .collect()
+        })
+        .collect();
+    assert_eq!(rows.len(), 21);
+    let start = rows[0][4];
+    for row in &rows {
+        let [_, kinetic, elastic, gravity, total, work, heat, gain] = row[..] else {
+            panic!("eight columns");
+        };
+        assert!((kinetic + elastic + gravity - total).abs() < 1e-14);
+        assert!(
+            (start + work - heat + gain - total).abs() < 1e-13,
+            "{row:?}"
+        );
+    }
+    assert_eq!(rows[20][0], 0.5);
+    assert!(rows[20][1] > 0.0);
+}
+
 #[test]
 fn scenes_come_through_pipes() {
     let desk = Desk::new();

@@ -1,5 +1,6 @@
 //! Files that appear whole or not at all.
 
+use std::fs::File;
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
@@ -54,6 +55,28 @@ impl Draft {
             path: self.path.clone(),
             source,
         })
+    }
+
+    /// Appends all that is in another file.
+    pub(crate) fn append(&mut self, source: &mut File) -> Result<(), WriteError> {
+        match io::copy(source, &mut self.file) {
+            Ok(_) => Ok(()),
+            Err(source) => Err(WriteError {
+                path: self.path.clone(),
+                source,
+            }),
+        }
+    }
+
+    /// [`Self::finish`] with all bytes on the disk before the file gets its name.
+    pub(crate) fn finish_on_disk(self) -> Result<(), WriteError> {
+        match self.file.as_file().sync_all() {
+            Ok(()) => self.finish(),
+            Err(source) => Err(WriteError {
+                path: self.path,
+                source,
+            }),
+        }
     }
 
     /// Gives the file its name; an older one of that name is replaced.

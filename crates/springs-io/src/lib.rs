@@ -22,18 +22,20 @@
 //! ```
 
 mod atomic;
+mod checkpoint;
 mod locate;
 mod read;
 mod report;
 mod scene_file;
-mod trajectory;
+mod table;
 mod write;
 
 pub use atomic::{WriteError, write_whole};
+pub use checkpoint::{Checkpoint, CheckpointError, read_checkpoint, write_checkpoint};
 pub use read::{Finding, SceneError, parse_scene, read_scene, read_text};
 pub use report::{
     EnergyReport, EnergySum, FailureReport, IslandReport, Report, SavingReport, SecondsReport,
     SwitchReport, write_report,
 };
-pub use trajectory::{TrajectoryFrame, TrajectoryWriter};
+pub use table::{Beginning, ContinueError, TRAJECTORY_HEADER, TableWriter, TrajectoryFrame};
 pub use write::{scene_to_string, write_scene};

@@ -4,12 +4,13 @@ use crate::choose::default_tolerance;
 use crate::rest::Rest;
 use crate::simulation::{Frames, Shown};
 use crate::{
-    ForeignState, HiddenState, Ledger, NodeStates, Observer, Outcome, SetupError, Simulation,
-    StepError, Work,
+    Account, ForeignState, HiddenState, Ledger, NodeStates, Observer, Outcome, SetupError,
+    Simulation, StepError, Work,
 };
 use nalgebra::Vector3;
 use springs_assembly::{CompileError, Energy, machine_threads};
 use springs_scene::{Island, Scene, StepControl};
+use std::ops::ControlFlow;
 use std::sync::Mutex;
 
 /// A scene on its way through its duration, cut into parts that do not feel each
@@ -240,7 +241,10 @@ impl Islands {
         observer: &mut dyn Observer,
     ) -> Result<Outcome, StepError> {
         let duration = self.duration();
-        if frames.is_first() && frames.show(0.0, &self.nodes, observer).is_break() {
+        if frames.is_first()
+            && (frames.show(0.0, &self.nodes, observer).is_break()
+                || self.give_account(observer).is_break())
+        {
             return Ok(Outcome::Stopped);
         }
         while self.time < duration {
@@ -251,7 +255,10 @@ impl Islands {
                 let shown = frames.show(time, &self.nodes, observer);
                 shown.is_break()
             };
-            if stops_at_frame || observer.step(time).is_break() {
+            if stops_at_frame
+                || self.give_account(observer).is_break()
+                || observer.step(time).is_break()
+            {
                 return Ok(match self.time < duration {
                     true => Outcome::Stopped,
                     false => Outcome::Finished,
@@ -259,6 +266,17 @@ impl Islands {
             }
         }
         Ok(Outcome::Finished)
+    }
+
+    fn give_account(&self, observer: &mut dyn Observer) -> ControlFlow<()> {
+        if !observer.wants_account() {
+            return ControlFlow::Continue(());
+        }
+        observer.account(Account {
+            time: self.time,
+            energy: self.energy(),
+            ledger: self.ledger(),
+        })
     }
 
     /// The end of the present round: a whole number of steps, where they are all

@@ -64,7 +64,7 @@ pub use linearly_implicit_euler::LinearlyImplicitEuler;
 pub use method::{ErrorEstimate, Interval, Method, Quadrature};
 pub use plan::StepPlan;
 pub use rodas4::Rodas4;
-pub use simulation::{Frame, Observer, Outcome, Simulation, Switch};
+pub use simulation::{Account, Frame, Observer, Outcome, Simulation, Switch};
 pub use splitting::Splitting;
 pub use state::{NodeStates, State};
 pub use stepper::Stepper;

@@ -23,6 +23,17 @@ pub struct Frame<'a> {
     pub nodes: &'a NodeStates,
 }
 
+/// Energies at the end of a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Account {
+    /// In s.
+    pub time: f64,
+    /// Energy then.
+    pub energy: Energy,
+    /// Energy at the start, and where it went since.
+    pub ledger: Ledger,
+}
+
 /// Sees the frames and steps of a simulation, and may stop it.
 pub trait Observer {
     /// Called for every frame, in order.
@@ -32,6 +43,17 @@ pub trait Observer {
 
     /// Called after every step, with the simulated time in s.
     fn step(&mut self, _time: f64) -> ControlFlow<()> {
+        ControlFlow::Continue(())
+    }
+
+    /// Whether to be called with an account, asked at the start and after every
+    /// step.
+    fn wants_account(&self) -> bool {
+        false
+    }
+
+    /// Called with energies, if they are wanted, before [`Self::step`].
+    fn account(&mut self, _account: Account) -> ControlFlow<()> {
         ControlFlow::Continue(())
     }
 }
@@ -218,7 +240,10 @@ impl Simulation {
         frames: &mut Frames,
         observer: &mut dyn Observer,
     ) -> Result<Outcome, StepError> {
-        if frames.is_first() && frames.show(0.0, &self.nodes, observer).is_break() {
+        if frames.is_first()
+            && (frames.show(0.0, &self.nodes, observer).is_break()
+                || self.give_account(observer).is_break())
+        {
             return Ok(Outcome::Stopped);
         }
         while !self.is_finished() {
@@ -230,7 +255,10 @@ impl Simulation {
                 }
             };
             let shown = self.show_frames(frames, interval, observer)?;
-            if shown.is_break() || observer.step(interval.end).is_break() {
+            if shown.is_break()
+                || self.give_account(observer).is_break()
+                || observer.step(interval.end).is_break()
+            {
                 self.stepper.scatter(&mut self.nodes);
                 return Ok(match self.is_finished() {
                     true => Outcome::Finished,
@@ -240,6 +268,17 @@ impl Simulation {
         }
         self.stepper.scatter(&mut self.nodes);
         Ok(Outcome::Finished)
+    }
+
+    fn give_account(&self, observer: &mut dyn Observer) -> ControlFlow<()> {
+        if !observer.wants_account() {
+            return ControlFlow::Continue(());
+        }
+        observer.account(Account {
+            time: self.stepper.time(),
+            energy: self.energy(),
+            ledger: self.ledger,
+        })
     }
 
     /// Steps until `time` lies within the last step, and gives the state then.

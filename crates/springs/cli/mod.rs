@@ -26,6 +26,8 @@ struct Arguments {
 enum Command {
     /// Simulate a scene file and write what came out.
     Run(run::RunArguments),
+    /// Go on with a run that was stopped, as if it had not been.
+    Resume(run::ResumeArguments),
     /// Say what is in a scene, what will be skipped and what looks wrong.
     Check(check::CheckArguments),
     /// Measure run time against error for a scene, method by method.
@@ -67,6 +69,7 @@ pub(crate) fn main() -> ExitCode {
     let arguments = Arguments::parse();
     let ending = match arguments.command {
         Command::Run(arguments) => run::run(&arguments),
+        Command::Resume(arguments) => run::resume(&arguments),
         Command::Check(arguments) => check::check(&arguments),
         Command::Study(arguments) => study::study_command(&arguments),
         Command::New(arguments) => new::new(&arguments),

@@ -1,14 +1,19 @@
-//! `springs run`: simulate a scene.
+//! `springs run`: simulate a scene; `springs resume`: go on where one stopped.
 
-use super::output::{Extra, Output};
+use super::output::{CHECKPOINT, Extra, Output, Written};
 use super::source::SceneArguments;
-use super::{Ending, Unwritten, say, say_error, summary, watch_for_interrupt};
+use super::{Advised, Ending, Unwritten, say, say_error, summary, watch_for_interrupt};
 use indicatif::{ProgressBar, ProgressStyle};
+use serde::{Deserialize, Serialize};
+use springs::io::{
+    Checkpoint, ContinueError, parse_scene, read_checkpoint, scene_to_string, write_checkpoint,
+};
 use springs::report::{self, Timings, report};
 use springs::scene::Scene;
-use springs::step::{Frame, Islands, Observer, Outcome};
+use springs::step::{Account, Frame, Islands, Observer, Outcome};
 use std::ops::ControlFlow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -26,6 +31,9 @@ pub(crate) struct RunArguments {
     /// What to write besides final.ron and report.json
     #[arg(long, value_name = "WHAT", value_delimiter = ',')]
     write: Vec<Extra>,
+    /// Write a checkpoint so often: every 100 (steps), every 0.5s (simulated)
+    #[arg(long, value_name = "EVERY")]
+    checkpoint: Option<Every>,
     /// No progress and no summary
     #[arg(long)]
     quiet: bool,
@@ -34,13 +42,70 @@ pub(crate) struct RunArguments {
     force: bool,
 }
 
-impl RunArguments {
-    fn intervals(&self, duration: f64) -> usize {
-        match self.frames {
-            Some(frames) => frames as usize,
-            None => (60.0 * duration).round().max(1.0) as usize,
+#[derive(clap::Args)]
+pub(crate) struct ResumeArguments {
+    /// The folder of a run that was stopped
+    #[arg(value_name = "DIR")]
+    folder: PathBuf,
+    /// Threads that may be used; results do not depend on it [default: all]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    threads: Option<u32>,
+    /// No progress and no summary
+    #[arg(long)]
+    quiet: bool,
+}
+
+/// How often checkpoints are written.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+enum Every {
+    Steps(u64),
+    /// Of simulated time.
+    Seconds(f64),
+}
+
+/// A whole number is one of steps; anything else is seconds.
+impl FromStr for Every {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if let Ok(steps) = text.parse() {
+            return match steps {
+                0 => Err("it must be one step at least".to_owned()),
+                steps => Ok(Self::Steps(steps)),
+            };
+        }
+        let seconds = text.strip_suffix('s').unwrap_or(text).parse();
+        match seconds {
+            Ok(seconds) if seconds > 0.0 && f64::is_finite(seconds) => Ok(Self::Seconds(seconds)),
+            _ => {
+                Err("steps such as 100, or simulated seconds such as 0.5s, are expected".to_owned())
+            }
         }
     }
+}
+
+/// What a checkpoint says about its run, besides its state.
+#[derive(Serialize, Deserialize)]
+struct About {
+    springs_version: String,
+    /// The scene as it was at the start, as a scene file.
+    scene: String,
+    skip: bool,
+    intervals: usize,
+    every: Option<Every>,
+    written: Written,
+}
+
+/// A run on its way.
+struct Run {
+    scene: Scene,
+    islands: Islands,
+    folder: PathBuf,
+    intervals: usize,
+    every: Option<Every>,
+    begin: Instant,
+    setup: Duration,
+    quiet: bool,
 }
 
 pub(crate) fn run(arguments: &RunArguments) -> anyhow::Result<Ending> {
@@ -51,82 +116,203 @@ pub(crate) fn run(arguments: &RunArguments) -> anyhow::Result<Ending> {
     };
     Output::check(&folder, arguments.force)?;
     let source = arguments.scene.load()?;
-    let scene = &source.scene;
-    let mut islands = Islands::new(scene).map_err(|error| source.advised(&error))?;
-    let mut timings = Timings {
+    let islands = Islands::new(&source.scene).map_err(|error| source.advised(&error))?;
+    let intervals = match arguments.frames {
+        Some(frames) => frames as usize,
+        None => (60.0 * source.scene.settings.duration).round().max(1.0) as usize,
+    };
+    let run = Run {
+        scene: source.scene,
+        islands,
+        folder,
+        intervals,
+        every: arguments.checkpoint,
+        begin,
         setup: begin.elapsed(),
-        ..Timings::default()
+        quiet: arguments.quiet,
     };
-
-    let intervals = arguments.intervals(scene.settings.duration);
-    let output = Output::begin(&folder, &arguments.write, intervals)?;
-    let mut watcher = Watcher {
-        interrupted: watch_for_interrupt()?,
-        progress: match arguments.quiet {
-            true => ProgressBar::hidden(),
-            false => progress_bar(),
-        },
-        last_drawn: Instant::now(),
-        duration: islands.duration(),
-        output,
-        writing: Duration::ZERO,
-        failure: None,
-    };
-    let frames = if watcher.output.wants_frames() {
-        intervals
-    } else {
-        1
-    };
-    let running = Instant::now();
-    let outcome = islands.run(frames, &mut watcher);
-    timings.stepping = running.elapsed() - watcher.writing;
-    watcher.progress.finish_and_clear();
-    if let Some(unwritten) = watcher.failure {
-        return Err(unwritten.into());
-    }
-    let ending = match outcome {
-        Ok(Outcome::Finished) => report::Ending::Finished,
-        Ok(Outcome::Stopped) => report::Ending::Interrupted,
-        Err(error) => report::Ending::Failed(error),
-    };
-
-    let writing = Instant::now();
-    let time = islands.time();
-    let written = watcher.output.finish(&last(scene, &islands), time)?;
-    timings.output = watcher.writing + writing.elapsed();
-    timings.total = begin.elapsed();
-    let report = report(scene, &islands, ending, timings);
-    watcher.output.report(&report)?;
-
-    if !arguments.quiet {
-        say(&summary::summary(
-            scene,
-            &report,
-            watcher.output.folder(),
-            &written,
-        ));
-    }
-    Ok(match ending {
-        report::Ending::Finished => Ending::Done,
-        report::Ending::Interrupted => {
-            say_error(&format!(
-                "interrupted at {time} s; everything up to then is written"
-            ));
-            Ending::Interrupted
-        }
-        report::Ending::Failed(error) => {
-            say_error(&error.to_string());
-            say(&format!("  {}", error.advice()));
-            Ending::Failed
-        }
-    })
+    let lasting = run.every.is_some();
+    let output = Output::begin(&run.folder, &arguments.write, intervals, lasting)?;
+    run.go(output)
 }
 
-/// The scene as the simulation left it.
-fn last(scene: &Scene, islands: &Islands) -> Scene {
-    let mut scene = scene.clone();
-    islands.nodes().write_to(&mut scene);
-    scene
+pub(crate) fn resume(arguments: &ResumeArguments) -> anyhow::Result<Ending> {
+    let begin = Instant::now();
+    let folder = &arguments.folder;
+    let path = folder.join(CHECKPOINT);
+    if !path.exists() {
+        return Err(Advised {
+            message: format!("{} holds no checkpoint", folder.display()),
+            advice: Some(
+                "runs with --checkpoint leave one until they are finished, and interrupted ones"
+                    .to_owned(),
+            ),
+        }
+        .into());
+    }
+    let Checkpoint { about, words } = read_checkpoint(&path)?;
+    let about: About = serde_json::from_str(&about)
+        .map_err(|error| foreign(&path, &format!("it does not say what run it is: {error}")))?;
+    let version = env!("CARGO_PKG_VERSION");
+    if about.springs_version != version {
+        let found = &about.springs_version;
+        let why = format!("springs {found} wrote it, and this is {version}");
+        return Err(foreign(&path, &why).into());
+    }
+    let mut scene = parse_scene(&path.display().to_string(), &about.scene)?;
+    scene.settings.skip = about.skip;
+    scene.settings.threads = arguments.threads.map_or(0, |n| n as usize);
+    let mut islands = Islands::new(&scene).map_err(|error| foreign(&path, &error.to_string()))?;
+    islands
+        .restore(words)
+        .map_err(|error| foreign(&path, &error.to_string()))?;
+    let output = Output::resume(folder, &about.written).map_err(|error| match error {
+        ContinueError::File(error) => anyhow::Error::from(Unwritten::from(error)),
+        other => foreign(&path, &other.to_string()).into(),
+    })?;
+    let run = Run {
+        scene,
+        islands,
+        folder: folder.clone(),
+        intervals: about.intervals,
+        every: about.every,
+        begin,
+        setup: begin.elapsed(),
+        quiet: arguments.quiet,
+    };
+    run.go(output)
+}
+
+fn foreign(path: &Path, why: &str) -> Advised {
+    Advised {
+        message: format!("the run cannot go on from {}: {why}", path.display()),
+        advice: Some("start it again with `springs run … --force`".to_owned()),
+    }
+}
+
+impl Run {
+    /// Simulates to the end, or until something stops it, and writes.
+    fn go(mut self, output: Output) -> anyhow::Result<Ending> {
+        let mut watcher = Watcher {
+            interrupted: watch_for_interrupt()?,
+            progress: match self.quiet {
+                true => ProgressBar::hidden(),
+                false => progress_bar(),
+            },
+            last_drawn: Instant::now(),
+            duration: self.islands.duration(),
+            output,
+            writing: Duration::ZERO,
+            failure: None,
+            every: self.every,
+            steps: 0,
+            next_checkpoint: self.islands.time(),
+            is_due: self.every.is_some(),
+        };
+        let running = Instant::now();
+        let outcome = loop {
+            if watcher.is_due {
+                self.checkpoint(&mut watcher)?;
+            }
+            let frames = match watcher.output.wants_frames() {
+                true => self.intervals,
+                false => 1,
+            };
+            let outcome = self.islands.run(frames, &mut watcher);
+            if let Some(unwritten) = watcher.failure {
+                watcher.progress.finish_and_clear();
+                return Err(unwritten.into());
+            }
+            if !(watcher.is_due && outcome == Ok(Outcome::Stopped)) {
+                break outcome;
+            }
+        };
+        let stepping = running.elapsed() - watcher.writing;
+        watcher.progress.finish_and_clear();
+        let ending = match outcome {
+            Ok(Outcome::Finished) => report::Ending::Finished,
+            Ok(Outcome::Stopped) => report::Ending::Interrupted,
+            Err(error) => report::Ending::Failed(error),
+        };
+        if ending == report::Ending::Interrupted {
+            self.checkpoint(&mut watcher)?;
+        }
+
+        let writing = Instant::now();
+        let time = self.islands.time();
+        let written = watcher.output.finish(&self.last(), time)?;
+        let timings = Timings {
+            setup: self.setup,
+            stepping,
+            output: watcher.writing + writing.elapsed(),
+            total: self.begin.elapsed(),
+        };
+        let report = report(&self.scene, &self.islands, ending, timings);
+        watcher.output.report(&report)?;
+        if ending == report::Ending::Finished {
+            // What is finished needs no checkpoint; if it stays, nothing is lost.
+            let _ = std::fs::remove_file(self.folder.join(CHECKPOINT));
+        }
+
+        if !self.quiet {
+            say(&summary::summary(
+                &self.scene,
+                &report,
+                watcher.output.folder(),
+                &written,
+            ));
+        }
+        Ok(match ending {
+            report::Ending::Finished => Ending::Done,
+            report::Ending::Interrupted => {
+                say_error(&format!(
+                    "interrupted at {time} s; everything up to then is written"
+                ));
+                say(&format!(
+                    "  `springs resume {}` goes on from there",
+                    self.folder.display()
+                ));
+                Ending::Interrupted
+            }
+            report::Ending::Failed(error) => {
+                say_error(&error.to_string());
+                say(&format!("  {}", error.advice()));
+                Ending::Failed
+            }
+        })
+    }
+
+    fn checkpoint(&mut self, watcher: &mut Watcher) -> anyhow::Result<()> {
+        let start = Instant::now();
+        let about = About {
+            springs_version: env!("CARGO_PKG_VERSION").to_owned(),
+            scene: scene_to_string(&self.scene),
+            skip: self.scene.settings.skip,
+            intervals: self.intervals,
+            every: self.every,
+            written: watcher.output.written(),
+        };
+        let checkpoint = Checkpoint {
+            about: serde_json::to_string(&about)?,
+            words: self.islands.save(),
+        };
+        write_checkpoint(&self.folder.join(CHECKPOINT), &checkpoint).map_err(Unwritten::from)?;
+        watcher.is_due = false;
+        watcher.steps = 0;
+        if let Some(Every::Seconds(seconds)) = self.every {
+            let periods = (self.islands.time() / seconds * (1.0 + 1e-12)).floor();
+            watcher.next_checkpoint = (periods + 1.0) * seconds;
+        }
+        watcher.writing += start.elapsed();
+        Ok(())
+    }
+
+    /// The scene as the simulation left it.
+    fn last(&self) -> Scene {
+        let mut scene = self.scene.clone();
+        self.islands.nodes().write_to(&mut scene);
+        scene
+    }
 }
 
 /// Drawn to standard error, and only if that is a terminal. Its length is
@@ -140,7 +326,8 @@ fn progress_bar() -> ProgressBar {
 /// Parts of the duration that the progress bar tells apart.
 const PROGRESS: u64 = 10_000;
 
-/// Writes frames, draws progress, notices an interrupt.
+/// Writes frames, draws progress, notices an interrupt or when a checkpoint is
+/// due.
 struct Watcher {
     interrupted: Arc<AtomicBool>,
     progress: ProgressBar,
@@ -149,15 +336,24 @@ struct Watcher {
     output: Output,
     writing: Duration,
     failure: Option<Unwritten>,
+    every: Option<Every>,
+    /// Since the last checkpoint.
+    steps: u64,
+    /// In simulated seconds.
+    next_checkpoint: f64,
+    is_due: bool,
 }
 
 /// Time between two drawings of the progress bar.
 const REDRAW: Duration = Duration::from_millis(100);
 
-impl Observer for Watcher {
-    fn frame(&mut self, frame: Frame<'_>) -> ControlFlow<()> {
+impl Watcher {
+    fn write(
+        &mut self,
+        write: impl FnOnce(&mut Output) -> Result<(), Unwritten>,
+    ) -> ControlFlow<()> {
         let start = Instant::now();
-        let written = self.output.frame(frame);
+        let written = write(&mut self.output);
         self.writing += start.elapsed();
         match written {
             Ok(()) => ControlFlow::Continue(()),
@@ -167,6 +363,20 @@ impl Observer for Watcher {
             }
         }
     }
+}
+
+impl Observer for Watcher {
+    fn frame(&mut self, frame: Frame<'_>) -> ControlFlow<()> {
+        self.write(|output| output.frame(frame))
+    }
+
+    fn wants_account(&self) -> bool {
+        self.output.wants_account()
+    }
+
+    fn account(&mut self, account: Account) -> ControlFlow<()> {
+        self.write(|output| output.account(&account))
+    }
 
     fn step(&mut self, time: f64) -> ControlFlow<()> {
         if !self.progress.is_hidden() && self.last_drawn.elapsed() >= REDRAW {
@@ -175,9 +385,30 @@ impl Observer for Watcher {
             self.progress.set_message(format!("{time:.3} s simulated"));
             self.last_drawn = Instant::now();
         }
-        match self.interrupted.load(Ordering::Relaxed) {
+        self.steps += 1;
+        self.is_due = match self.every {
+            None => false,
+            Some(Every::Steps(steps)) => self.steps >= steps,
+            Some(Every::Seconds(_)) => time >= self.next_checkpoint,
+        };
+        match self.is_due || self.interrupted.load(Ordering::Relaxed) {
             true => ControlFlow::Break(()),
             false => ControlFlow::Continue(()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steps_and_seconds_are_told_apart() {
+        assert_eq!("100".parse(), Ok(Every::Steps(100)));
+        assert_eq!("0.5".parse(), Ok(Every::Seconds(0.5)));
+        assert_eq!("2s".parse(), Ok(Every::Seconds(2.0)));
+        for bad in ["0", "-1", "0.0", "often", "inf", "nans"] {
+            assert!(bad.parse::<Every>().is_err(), "{bad}");
         }
     }
 }
