@@ -22,6 +22,8 @@ fn every_method_gives_the_same_bits() {
     let mut scene = cloth(36, Material::of_cloth());
     for spring in &mut scene.springs {
         spring.damping = 0.0;
+        // Explicit methods are stable at the step below.
+        spring.stiffness *= 0.05;
     }
     disturb(&mut scene, 1e-3, 3);
     scene.settings.duration = 0.004;

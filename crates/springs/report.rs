@@ -81,6 +81,7 @@ pub fn report(scene: &Scene, islands: &Islands, ending: Ending, timings: Timings
         factorizations: counts.factorizations,
         solves: counts.solves,
         solver_iterations: counts.solver_iterations,
+        refinements: counts.refinements,
         newton_iterations: counts.newton_iterations,
         clamped_springs: counts.clamped_springs,
         simulated_seconds: islands.time(),

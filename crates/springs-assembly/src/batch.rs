@@ -183,6 +183,26 @@ impl Connections {
         out.anchor_load[free as usize] += times(block, &v[anchor as usize]);
     }
 
+    /// Adds weight·[[B, −B], [−B, B]] y on the free ends; fixed ends do not move.
+    #[inline(always)]
+    pub(crate) fn add_product(
+        &self,
+        connection: usize,
+        block: &[f64; 6],
+        weight: f64,
+        y: &[Vector3<f64>],
+        products: &mut [Vector3<f64>],
+    ) {
+        let [a, b] = self.ends[connection].map(|block| block as usize);
+        let is_interior = connection < self.interior;
+        let difference = if is_interior { y[a] - y[b] } else { y[a] };
+        let product = times(block, &difference) * weight;
+        products[a] += product;
+        if is_interior {
+            products[b] -= product;
+        }
+    }
+
     /// Power, in W, that fixed nodes have to give to move against `force`, the
     /// force on the first end of a connection.
     pub(crate) fn anchor_power(

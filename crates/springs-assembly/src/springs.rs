@@ -222,6 +222,51 @@ impl Springs {
         }
     }
 
+    /// The spring with a free end that pulls or pushes most at a block, with its
+    /// length in m; what is not a number pulls most.
+    pub fn most_strained_at(&self, block: usize, x: &[Vector3<f64>]) -> Option<(usize, f64)> {
+        let ends = self.connections.ends();
+        let here = |index: &usize| ends[*index].contains(&(block as u32));
+        let strained = self.connections.live().filter(here).map(|index| {
+            let (tension, length) = self.tension_and_length(index, x);
+            (index, tension.abs(), length)
+        });
+        let most = strained.max_by(|a, b| a.1.total_cmp(&b.1));
+        most.map(|(index, _, length)| (index, length))
+    }
+
+    /// K of a spring of the batch, in N/m.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such spring.
+    pub fn stiffness(&self, index: usize) -> f64 {
+        self.stiffness[index]
+    }
+
+    /// Adds `stiffness`·H·y, spring by spring: differences of `y` come first, so
+    /// that uniform motion gives exactly nothing, however stiff the springs.
+    pub(crate) fn add_products(
+        &self,
+        at: &Evaluation<'_>,
+        y: &[Vector3<f64>],
+        products: &mut [Vector3<f64>],
+    ) {
+        let project = |across: f64| match at.projection {
+            Projection::None => across,
+            Projection::Clamp => across.max(0.0),
+            Projection::Absolute => across.abs(),
+            Projection::Drop => 0.0,
+        };
+        for index in self.connections.live() {
+            let dx = self.connections.difference(index, at.x);
+            let given = at.tensions.map(|tensions| tensions[index]);
+            let (_, block) = spring::linearize(self.material(index), given, &dx, project);
+            self.connections
+                .add_product(index, &block, at.weights.stiffness, y, products);
+        }
+    }
+
     /// How many springs with a free end have a negative tension: their own, or
     /// the given one.
     pub fn count_compressed(&self, x: &[Vector3<f64>], tensions: Option<&[f64]>) -> usize {

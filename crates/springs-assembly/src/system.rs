@@ -242,16 +242,36 @@ impl System {
         self.batches.gravity.linearize(at, out);
     }
 
+    /// The product of the system matrix at `at` and `y` on the free blocks, term
+    /// by term instead of through the assembled matrix: what is lost there in
+    /// sums of stiffnesses far above the masses is kept here.
+    ///
+    /// # Panics
+    ///
+    /// If a slice is too short.
+    pub fn product(&self, at: &Evaluation<'_>, y: &[Vector3<f64>], product: &mut [Vector3<f64>]) {
+        for (p, (mass, y)) in product.iter_mut().zip(self.masses.iter().zip(y)) {
+            *p = y * (at.weights.mass * mass);
+        }
+        self.batches.springs.add_products(at, y, product);
+        self.batches.dashpots.add_products(at, y, product);
+    }
+
     /// Mechanical energy, in J.
     pub fn energy(&self, x: &[Vector3<f64>], v: &[Vector3<f64>]) -> Energy {
-        let masses_and_velocities = self.masses.iter().zip(v);
+        let (kinetic, gravity) = self.kinetic_and_gravity_energy(x, v);
         Energy {
-            kinetic: masses_and_velocities
-                .map(|(mass, v)| 0.5 * mass * v.norm_squared())
-                .sum(),
+            kinetic,
             elastic: self.batches.springs.energy(x),
-            gravity: self.batches.gravity.energy(x),
+            gravity,
         }
+    }
+
+    /// The parts of [`Self::energy`] that cost no look at any spring.
+    pub fn kinetic_and_gravity_energy(&self, x: &[Vector3<f64>], v: &[Vector3<f64>]) -> (f64, f64) {
+        let masses_and_velocities = self.masses.iter().zip(v);
+        let kinetic = masses_and_velocities.map(|(mass, v)| 0.5 * mass * v.norm_squared());
+        (kinetic.sum(), self.batches.gravity.energy(x))
     }
 
     /// Power, in W, that moving anchors give to the system.
@@ -271,6 +291,18 @@ impl System {
     pub fn frequency_bound(&self) -> f64 {
         let bound = self.largest_per_mass(|sums| self.batches.springs.add_stiffness_sums(sums));
         (2.0 * bound).sqrt()
+    }
+
+    /// The step size, in s, up to which velocity Verlet is stable at a free
+    /// block, whatever the configuration: 2/ω with ω² = (2/m) Σ K.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such block.
+    pub fn stable_step_at(&self, block: usize) -> f64 {
+        let mut sums = vec![0.0; self.n_free()];
+        self.batches.springs.add_stiffness_sums(&mut sums);
+        2.0 / (2.0 * sums[block] / self.masses[block]).sqrt()
     }
 
     /// A bound on the decay rate that dashpots give to any motion in any

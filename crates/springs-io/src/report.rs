@@ -62,6 +62,8 @@ pub struct Report {
     pub solves: u64,
     /// Iterations of conjugate gradients in these.
     pub solver_iterations: u64,
+    /// Solutions that were refined because stiffness hid the masses.
+    pub refinements: u64,
     /// Newton iterations.
     pub newton_iterations: u64,
     /// Springs clamped on demand, summed over steps.

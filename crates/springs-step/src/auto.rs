@@ -90,6 +90,8 @@ const USUAL_FACTORIZATIONS: f64 = 8.0;
 const TRIAL_RUNS: f64 = 0.5;
 const FEWEST_TRIAL_STEPS: f64 = 24.0;
 const USUAL_TRIAL_STEPS: f64 = 120.0;
+/// However dear the alternative seems, nobody waits for more.
+const MOST_TRIAL_STEPS: f64 = 1e6;
 /// Adaptive steps cost more than they seem to at the start, where most scenes
 /// are at rest.
 const FROM_REST: f64 = 2.0;
@@ -248,7 +250,8 @@ impl Auto {
         let affordable = match is_explicit {
             true => budget / step,
             false => (budget / step).max(USUAL_TRIAL_STEPS),
-        };
+        }
+        .min(MOST_TRIAL_STEPS);
         let (compiled, task) = ((system, anchors), (duration, tolerance));
         let steps = equal_steps(compiled, &mut *method, task, affordable, &mut start.work);
         let Some(steps) = steps.filter(|steps| steps.n as f64 * step < from_rest * to_beat) else {

@@ -23,7 +23,7 @@ const DEFAULT_TOLERANCE: f64 = 1e-3;
 const EXPLICIT_LIMIT: f64 = 0.5;
 
 /// Trial runs for equal steps that were asked for end here.
-const MOST_TRIAL_STEPS: f64 = 1e8;
+const MOST_TRIAL_STEPS: f64 = 1e7;
 
 /// What a scene is simulated with.
 #[derive(Clone, Debug, PartialEq)]

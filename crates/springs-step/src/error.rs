@@ -3,6 +3,7 @@
 use springs_assembly::CompileError;
 use springs_scene::{Method, Path};
 use springs_solver::SolveError;
+use std::fmt;
 
 /// Why a simulation cannot start.
 #[derive(Clone, Debug, thiserror::Error)]
@@ -130,7 +131,10 @@ impl MethodError {
 
 /// A step could not be made.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error("{cause} at node {node} in step {step} of {step_size:?} s at time {time:?} s")]
+#[error(
+    "{cause} at node {node} in step {step} of {step_size:?} s at time {time:?} s{}",
+    suspect.map_or(String::new(), |suspect| format!(", where {suspect}"))
+)]
 pub struct StepError {
     /// What went wrong.
     pub cause: Cause,
@@ -142,6 +146,44 @@ pub struct StepError {
     pub time: f64,
     /// Its size, in s.
     pub step_size: f64,
+    /// The spring that pulled or pushed most there before.
+    pub suspect: Option<Suspect>,
+}
+
+/// A spring where something went wrong.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Suspect {
+    /// Its index in the scene.
+    pub spring: usize,
+    /// Its length, in m, when all was well for the last time.
+    pub length: f64,
+    /// Its stiffness, in N/m.
+    pub stiffness: f64,
+    /// The step size, in s, that an explicit method needs for its node; not
+    /// finite if the node has no mass.
+    pub stable_step: f64,
+}
+
+impl fmt::Display for Suspect {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            spring,
+            length,
+            stiffness,
+            stable_step,
+        } = self;
+        write!(
+            f,
+            "spring {spring} of {stiffness:?} N/m was {length:.3e} m long"
+        )?;
+        match *stable_step > 0.0 {
+            true => write!(
+                f,
+                " and explicit methods need steps below {stable_step:.1e} s"
+            ),
+            false => Ok(()),
+        }
+    }
 }
 
 /// What went wrong in a step.
@@ -157,6 +199,9 @@ pub enum Cause {
     /// There is not enough memory for a factor that turned out to be needed.
     #[error("there is not enough memory for a factor of the matrix")]
     OutOfMemory,
+    /// There is far more energy than can be.
+    #[error("energy came from nowhere")]
+    EnergyFromNowhere,
     /// Newton's method failed.
     #[error("the implicit equations were not solved")]
     NotConverged,
@@ -188,6 +233,9 @@ impl StepError {
             Cause::NotFinite => {
                 "use a smaller step or an implicit method such as tr-bdf2, \
                  and look at masses and stiffnesses around the node"
+            }
+            Cause::EnergyFromNowhere => {
+                "use a smaller step or an implicit method such as tr-bdf2, or a tolerance"
             }
             Cause::OutOfMemory => "use a smaller step, with which iteration converges",
             Cause::NotConverged => "use a smaller step, or a tolerance instead of a step",

@@ -5,7 +5,7 @@ use crate::rest::Rest;
 use crate::simulation::{Frames, Shown};
 use crate::{
     Account, ForeignState, HiddenState, Ledger, NodeStates, Observer, Outcome, SetupError,
-    Simulation, StepError, Work,
+    Simulation, StepError, Suspect, Work,
 };
 use nalgebra::Vector3;
 use springs_assembly::{CompileError, Energy, machine_threads};
@@ -24,6 +24,8 @@ pub struct Islands {
     /// Parts that run at once.
     threads: usize,
     time: f64,
+    /// Parts are somewhere within a round.
+    is_under_way: bool,
     nodes: NodeStates,
     /// Frames that were shown, if it was stopped on the way.
     shown: Option<Shown>,
@@ -47,6 +49,9 @@ const MOST_PARTS: usize = 2048;
 
 /// The observer is asked about so often whether to go on.
 const ROUNDS: u64 = 256;
+
+/// Within a round, too, after so many steps of a part.
+const MOST_STEPS: u64 = 1000;
 
 /// Rounds between two looks at whether a part is at rest.
 const LOOKS: u32 = 8;
@@ -83,6 +88,7 @@ impl Islands {
             parts: parts.into_iter().collect::<Result<_, _>>()?,
             threads,
             time: 0.0,
+            is_under_way: false,
             nodes: NodeStates::of(&scene),
             shown: None,
             scene,
@@ -117,6 +123,7 @@ impl Islands {
             return state.refuse();
         }
         state.real(&mut self.time);
+        state.flag(&mut self.is_under_way);
         self.nodes.visit(state);
         state.option(&mut self.shown, |shown, state| shown.visit(state));
         for part in &mut self.parts {
@@ -250,7 +257,13 @@ impl Islands {
         while self.time < duration {
             let frame = frames.next_time().unwrap_or(duration);
             let time = frame.min(self.end_of_round());
-            self.advance_to(time)?;
+            if !self.advance_to(time)? {
+                // On its way there; somebody may not want to wait.
+                if observer.step(self.time).is_break() {
+                    return Ok(Outcome::Stopped);
+                }
+                continue;
+            }
             let stops_at_frame = time == frame && {
                 let shown = frames.show(time, &self.nodes, observer);
                 shown.is_break()
@@ -293,27 +306,31 @@ impl Islands {
         plan.end_of((done / stride + 1) * stride)
     }
 
-    /// Brings all parts to a time.
-    fn advance_to(&mut self, time: f64) -> Result<(), StepError> {
+    /// Brings all parts nearer to a time; says whether they got there.
+    fn advance_to(&mut self, time: f64) -> Result<bool, StepError> {
         let parts: Vec<&mut Part> = self.parts.iter_mut().collect();
-        let sleep = self.scene.settings.sleep;
+        let sleep = self.scene.settings.sleep.filter(|_| !self.is_under_way);
         let done = in_parallel(parts, self.threads, |part| {
             part.fall_asleep(sleep);
-            part.advance_to(time)
+            part.advance_to(time, MOST_STEPS)
         });
-        let failures = done.into_iter().filter_map(Result::err);
+        let failures = done.iter().filter_map(|done| done.as_ref().err());
         let first = failures.min_by(|a, b| a.time.total_cmp(&b.time));
         let result = match first {
-            None => {
-                self.time = time;
-                Ok(())
-            }
+            None => Ok(done.iter().all(|done| *done == Ok(true))),
             Some(error) => {
                 self.time = error.time;
                 self.go_back(error.time);
-                Err(error)
+                Err(*error)
             }
         };
+        self.is_under_way = result == Ok(false);
+        if self.is_under_way {
+            return result;
+        }
+        if result.is_ok() {
+            self.time = time;
+        }
         for part in &self.parts {
             for (k, &node) in part.island.nodes.iter().enumerate() {
                 self.nodes.positions[node] = part.state.positions[k];
@@ -335,7 +352,7 @@ impl Islands {
                 *part = anew;
             }
             // It was there before, so it gets there again.
-            let _ = part.advance_to(time);
+            let _ = part.advance_to(time, u64::MAX);
         });
     }
 }
@@ -398,13 +415,20 @@ impl Part {
         &self.simulation
     }
 
-    fn advance_to(&mut self, time: f64) -> Result<(), StepError> {
+    /// Says whether it got there with so many steps.
+    fn advance_to(&mut self, time: f64, most_steps: u64) -> Result<bool, StepError> {
         if self.asleep_since.is_some_and(|since| since <= time) {
-            return Ok(());
+            return Ok(true);
         }
-        let done = self.simulation.advance_to(time, &mut self.state);
+        let done = self
+            .simulation
+            .advance_to(time, most_steps, &mut self.state);
         done.map_err(|error| StepError {
             node: self.island.nodes[error.node],
+            suspect: error.suspect.map(|suspect| Suspect {
+                spring: self.island.springs[suspect.spring],
+                ..suspect
+            }),
             ..error
         })
     }

@@ -51,7 +51,7 @@ pub use anchors::Anchors;
 pub use choose::{Choice, Pace, choose};
 pub use dop853::Dop853;
 pub use doubling::Doubling;
-pub use error::{Cause, MethodError, SetupError, StepError};
+pub use error::{Cause, MethodError, SetupError, StepError, Suspect};
 pub use filtered_leapfrog::FilteredLeapfrog;
 pub use hidden::{ForeignState, HiddenState};
 pub use implicit_euler::ImplicitEuler;

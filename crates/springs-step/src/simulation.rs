@@ -99,10 +99,18 @@ pub struct Simulation {
     nodes: NodeStates,
     work: Work,
     ledger: Ledger,
+    /// The most that energy of motion and of springs could come from, in J.
+    most_energy: f64,
 }
 
 /// Steps shorter than this part of the duration lead nowhere.
 const SMALLEST_STEP: f64 = 1e-14;
+
+/// Steps between two looks at the energy.
+const LOOK_AT_ENERGY: u64 = 4;
+
+/// So many times the energy that was known to be there is not possible.
+const IMPOSSIBLE: f64 = 1e4;
 
 /// Events are found to this part of the step they happen in.
 const EVENT_ACCURACY: f64 = 1e-12;
@@ -160,6 +168,7 @@ impl Simulation {
             work,
             stepper,
             shown: None,
+            most_energy: 0.0,
             last: None,
             before: nodes.clone(),
             nodes,
@@ -281,14 +290,25 @@ impl Simulation {
         })
     }
 
-    /// Steps until `time` lies within the last step, and gives the state then.
+    /// Steps until `time` lies within the last step, and gives the state then;
+    /// or makes `most_steps` steps, and says that it did not get there.
     ///
     /// # Errors
     ///
     /// If a step cannot be made; `out` is then the state where that was.
-    pub(crate) fn advance_to(&mut self, time: f64, out: &mut NodeStates) -> Result<(), StepError> {
+    pub(crate) fn advance_to(
+        &mut self,
+        time: f64,
+        most_steps: u64,
+        out: &mut NodeStates,
+    ) -> Result<bool, StepError> {
         let is_reached = |interval: Interval| time <= interval.end + AT_THE_END * interval.size;
+        let mut steps = 0;
         while time > 0.0 && !self.last.is_some_and(is_reached) && !self.is_finished() {
+            if steps == most_steps {
+                return Ok(false);
+            }
+            steps += 1;
             if let Err(error) = self.advance() {
                 self.stepper.scatter(&mut self.nodes);
                 out.clone_from(&self.nodes);
@@ -298,13 +318,11 @@ impl Simulation {
         self.stepper.scatter(&mut self.nodes);
         match self.last {
             Some(interval) if time < interval.end - AT_THE_END * interval.size => {
-                self.evaluate(interval, time, out)
+                self.evaluate(interval, time, out)?;
             }
-            _ => {
-                out.clone_from(&self.nodes);
-                Ok(())
-            }
+            _ => out.clone_from(&self.nodes),
         }
+        Ok(true)
     }
 
     /// Makes one step towards the end of the duration and says which; `None` at
@@ -443,7 +461,29 @@ impl Simulation {
             self.stepper.method().quadrature(),
         );
         self.last = Some(interval);
-        Ok(interval)
+        match self.stepper.steps().is_multiple_of(LOOK_AT_ENERGY) {
+            true => self.watch_energy(interval),
+            false => Ok(interval),
+        }
+    }
+
+    /// An error if there is far more energy than there ever was or came in:
+    /// a step that is too long for an explicit method multiplies it over and
+    /// over, long before numbers overflow.
+    fn watch_energy(&mut self, interval: Interval) -> Result<Interval, StepError> {
+        let (system, state) = (self.stepper.system(), self.stepper.state());
+        let (kinetic, gravity) = system.kinetic_and_gravity_energy(&state.x, &state.v);
+        let start = self.ledger.start;
+        let fallen = (start.gravity - gravity).abs();
+        let known = start.kinetic + start.elastic + self.ledger.anchor_work.abs() + fallen;
+        self.most_energy = self.most_energy.max(known);
+        let is_possible = kinetic <= IMPOSSIBLE * self.most_energy;
+        if is_possible || self.most_energy == 0.0 {
+            return Ok(interval);
+        }
+        let fastest = self.stepper.fastest_block();
+        let cause = Cause::EnergyFromNowhere;
+        Err(self.stepper.error(cause, fastest, interval))
     }
 
     /// Attempts steps until one is accurate enough.
@@ -557,6 +597,7 @@ impl Simulation {
         self.stepper.visit(state);
         self.between.visit(state);
         self.ledger.visit(state);
+        state.real(&mut self.most_energy);
         self.work.visit(state);
         state.option(&mut self.last, |interval, state| {
             for real in [&mut interval.start, &mut interval.end, &mut interval.size] {

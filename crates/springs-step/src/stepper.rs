@@ -1,9 +1,10 @@
 //! Single steps: gather, step, copy back.
 
 use crate::choose::start;
+use crate::stage::largest;
 use crate::{
     Anchors, Cause, ErrorEstimate, HiddenState, Interval, Method, NodeStates, SetupError, State,
-    StepError, Work,
+    StepError, Suspect, Work,
 };
 use springs_assembly::{System, compile};
 use springs_scene::Scene;
@@ -203,7 +204,25 @@ impl Stepper {
             step: self.steps + 1,
             time: interval.start,
             step_size: interval.size,
+            suspect: self.suspect(block),
         }
+    }
+
+    /// The spring that pulls or pushes most at a block in the present state.
+    fn suspect(&self, block: usize) -> Option<Suspect> {
+        let springs = self.system.springs();
+        let (index, length) = springs.most_strained_at(block, &self.state.x)?;
+        Some(Suspect {
+            spring: springs.scene_index(index),
+            length,
+            stiffness: springs.stiffness(index),
+            stable_step: self.system.stable_step_at(block),
+        })
+    }
+
+    /// The free block that moves fastest.
+    pub(crate) fn fastest_block(&self) -> usize {
+        largest(&self.state.v[..self.system.n_free()]).0
     }
 
     /// The attempted step stands.

@@ -24,6 +24,8 @@ pub struct Counts {
     pub solves: u64,
     /// Iterations of conjugate gradients in these solutions.
     pub solver_iterations: u64,
+    /// Solutions that were refined because stiffness hid the masses.
+    pub refinements: u64,
     /// Newton iterations.
     pub newton_iterations: u64,
     /// Springs whose negative across stiffness was clamped on demand, summed
@@ -62,6 +64,7 @@ impl Work {
             factorizations,
             solves,
             solver_iterations,
+            refinements,
             newton_iterations,
             clamped_springs,
         } = &mut self.counts;
@@ -74,6 +77,7 @@ impl Work {
             factorizations,
             solves,
             solver_iterations,
+            refinements,
             newton_iterations,
             clamped_springs,
         ] {
@@ -101,6 +105,7 @@ impl AddAssign for Work {
         a.factorizations += b.factorizations;
         a.solves += b.solves;
         a.solver_iterations += b.solver_iterations;
+        a.refinements += b.refinements;
         a.newton_iterations += b.newton_iterations;
         a.clamped_springs += b.clamped_springs;
         self.phases.assembly += other.phases.assembly;
@@ -123,6 +128,7 @@ impl Sub for Counts {
             factorizations: self.factorizations - earlier.factorizations,
             solves: self.solves - earlier.solves,
             solver_iterations: self.solver_iterations - earlier.solver_iterations,
+            refinements: self.refinements - earlier.refinements,
             newton_iterations: self.newton_iterations - earlier.newton_iterations,
             clamped_springs: self.clamped_springs - earlier.clamped_springs,
         }

@@ -1,0 +1,223 @@
+//! Random scenes, settings and files: nothing panics, no number stops being one
+//! without an error, and every error names something that exists.
+//!
+//! `PROPTEST_CASES=100000 cargo test --release --test fuzz` tries more of them.
+
+use proptest::prelude::*;
+use springs::io::{parse_scene, scene_to_string};
+use springs::scene::{
+    Method, Node, Scene, Settings, Solution, Spring, StepControl, Tangent, Vector3,
+};
+use springs::step::{Islands, Observer};
+use std::ops::ControlFlow;
+
+/// Ends runs that take very many steps; that is no fault.
+struct Patience(u32);
+
+impl Observer for Patience {
+    fn step(&mut self, _time: f64) -> ControlFlow<()> {
+        self.0 -= 1;
+        match self.0 {
+            0 => ControlFlow::Break(()),
+            _ => ControlFlow::Continue(()),
+        }
+    }
+}
+
+/// Mostly ordinary numbers, some extreme ones.
+fn magnitude() -> impl Strategy<Value = f64> {
+    prop_oneof![
+        8 => 0.01..10.0f64,
+        1 => Just(0.0),
+        1 => (-12i32..12).prop_map(|power| 10f64.powi(power)),
+    ]
+}
+
+fn coordinate() -> impl Strategy<Value = f64> {
+    prop_oneof![
+        6 => -2.0..2.0f64,
+        2 => (-2i32..3).prop_map(f64::from),
+        1 => Just(0.0),
+        1 => (-9i32..7).prop_map(|power| 10f64.powi(power)),
+    ]
+}
+
+fn vector() -> impl Strategy<Value = Vector3<f64>> {
+    prop_oneof![
+        3 => (coordinate(), coordinate(), coordinate()).prop_map(|(x, y, z)| Vector3::new(x, y, z)),
+        1 => Just(Vector3::zeros()),
+    ]
+}
+
+fn node() -> impl Strategy<Value = Node> {
+    (vector(), vector(), magnitude(), prop::bool::weighted(0.25)).prop_map(
+        |(position, velocity, mass, fixed)| Node {
+            position,
+            velocity,
+            mass,
+            fixed,
+        },
+    )
+}
+
+fn spring(n_nodes: usize) -> impl Strategy<Value = Spring> {
+    let numbers = (
+        magnitude(),
+        magnitude(),
+        prop_oneof![Just(0.0), magnitude()],
+        prop_oneof![3 => Just(0.0), 1 => magnitude()],
+    );
+    ([0..n_nodes, 0..n_nodes], numbers).prop_map(
+        |(nodes, (stiffness, rest_length, mass, damping))| Spring {
+            nodes,
+            stiffness: 10.0 * stiffness,
+            rest_length,
+            mass,
+            damping,
+        },
+    )
+}
+
+fn settings() -> impl Strategy<Value = Settings> {
+    let step = prop_oneof![
+        4 => (1e-4..0.1f64).prop_map(StepControl::Fixed),
+        2 => (1e-3..1.0f64).prop_map(StepControl::Tolerance),
+        1 => Just(StepControl::Auto),
+    ];
+    let tangent = prop::option::of(prop::sample::select(Tangent::ALL));
+    (
+        prop::sample::select(Method::ALL),
+        prop::option::weighted(0.3, tangent),
+        step,
+        any::<bool>(),
+        prop::option::weighted(0.1, 1e-6..1.0f64),
+        prop::sample::select(Solution::ALL),
+    )
+        .prop_map(|(method, tangent, step, skip, sleep, solution)| {
+            // These find their steps by trial runs, which nobody can stop yet.
+            let has_trials = matches!(method, Method::ImplicitMidpoint | Method::FilteredLeapfrog);
+            let step = match step {
+                StepControl::Fixed(_) => step,
+                _ if has_trials => StepControl::Fixed(1e-2),
+                _ => step,
+            };
+            let duration = match step {
+                StepControl::Fixed(step) => 6.5 * step,
+                _ => 0.01,
+            };
+            Settings {
+                method,
+                tangent: tangent.flatten(),
+                step,
+                duration,
+                threads: 1,
+                solution,
+                skip,
+                sleep,
+            }
+        })
+}
+
+fn scene() -> impl Strategy<Value = Scene> {
+    let nodes = prop::collection::vec(node(), 1..9);
+    let sized = nodes.prop_flat_map(|nodes| {
+        let springs = prop::collection::vec(spring(nodes.len()), 0..14);
+        (Just(nodes), springs)
+    });
+    (sized, vector(), settings()).prop_map(|((nodes, springs), gravity, settings)| Scene {
+        name: String::new(),
+        gravity,
+        nodes,
+        springs,
+        settings,
+    })
+}
+
+proptest! {
+    /// Ends finite, or in an error that names a node of the scene.
+    #[test]
+    fn random_scenes_end_well(scene in scene()) {
+        if !scene.problems().is_empty() {
+            return Ok(());
+        }
+        let Ok(mut islands) = Islands::new(&scene) else {
+            return Ok(());
+        };
+        if let Err(error) = islands.run(3, &mut Patience(40)) {
+            prop_assert!(error.node < scene.nodes.len(), "{error}");
+            let spring = error.suspect.map_or(0, |suspect| suspect.spring);
+            prop_assert!(spring < scene.springs.len().max(1), "{error}");
+            return Ok(());
+        }
+        let nodes = islands.nodes();
+        let all = nodes.positions.iter().chain(&nodes.velocities).flatten();
+        prop_assert!(all.clone().all(|component| component.is_finite()));
+        // Fixed nodes are where they belong.
+        for (node, position) in scene.nodes.iter().zip(&nodes.positions) {
+            if node.fixed && node.velocity == Vector3::zeros() {
+                prop_assert_eq!(&node.position, position);
+            }
+        }
+    }
+
+    /// A scene that is written reads back to the same bits.
+    #[test]
+    fn written_scenes_read_back(scene in scene()) {
+        if !scene.problems().is_empty() {
+            return Ok(());
+        }
+        let text = scene_to_string(&scene);
+        let mut back = parse_scene("scene.ron", &text).unwrap();
+        // Not in the file: how it is computed, not what.
+        back.settings.threads = scene.settings.threads;
+        back.settings.skip = scene.settings.skip;
+        prop_assert_eq!(back, scene);
+    }
+
+    /// Bytes of a scene file replaced, removed or repeated: a scene or an error
+    /// with a place.
+    #[test]
+    fn damaged_files_are_read_or_refused(
+        scene in scene(),
+        damage in prop::collection::vec((any::<prop::sample::Index>(), 0u8..4, any::<char>()), 1..6),
+    ) {
+        let mut text: Vec<char> = scene_to_string(&scene).chars().collect();
+        for (index, kind, other) in damage {
+            let at = index.index(text.len());
+            match kind {
+                0 => text[at] = other,
+                1 => drop(text.drain(at..(at + 9).min(text.len()))),
+                2 => text.truncate(at.max(1)),
+                _ => {
+                    let piece = text[at..(at + 20).min(text.len())].to_vec();
+                    text.splice(at..at, piece);
+                }
+            }
+            if text.is_empty() {
+                text.push(other);
+            }
+        }
+        let text: String = text.into_iter().collect();
+        if let Err(error) = parse_scene("scene.ron", &text) {
+            prop_assert!(error.to_string().starts_with("scene.ron:"), "{error}");
+        }
+    }
+
+    /// A state that is saved and loaded goes on to the same bits, whatever the
+    /// scene.
+    #[test]
+    fn random_scenes_resume(scene in scene()) {
+        if !scene.problems().is_empty() {
+            return Ok(());
+        }
+        let Ok(mut islands) = Islands::new(&scene) else {
+            return Ok(());
+        };
+        let words = islands.save();
+        let through = islands.run(2, &mut Patience(40));
+        let mut resumed = Islands::new(&scene).unwrap();
+        prop_assert!(resumed.restore(words).is_ok());
+        prop_assert_eq!(resumed.run(2, &mut Patience(40)), through);
+        prop_assert_eq!(resumed.nodes(), islands.nodes());
+    }
+}
