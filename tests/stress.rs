@@ -73,6 +73,24 @@ fn stable_methods_finish_everything() {
     }
 }
 
+/// Steps that fail are made in shorter ones, if that is allowed, and say so.
+#[test]
+fn failing_steps_can_be_rescued() {
+    let mut scenes = hard_scenes();
+    scenes.retain(|scene| scene.name == "cloth in one point");
+    let [scene] = &mut scenes[..] else {
+        panic!("one such scene");
+    };
+    scene.settings.method = Method::ImplicitEuler;
+    assert!(run(scene).unwrap().is_err());
+    scene.settings.rescue = true;
+    let mut islands = Islands::new(scene).unwrap();
+    islands.run(7, &mut ()).unwrap();
+    let counts = islands.work().counts;
+    assert!(counts.rescued_steps > 0 && counts.steps > 100, "{counts:?}");
+    assert_eq!(islands.time(), scene.settings.duration);
+}
+
 /// With a tolerance they take the steps they need.
 #[test]
 fn tolerances_finish_everything() {

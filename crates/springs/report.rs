@@ -75,6 +75,7 @@ pub fn report(scene: &Scene, islands: &Islands, ending: Ending, timings: Timings
         shortened_last_step: largest.plan().and_then(|plan| plan.shortened),
         steps: counts.steps,
         rejected_steps: counts.rejected_steps,
+        rescued_steps: counts.rescued_steps,
         force_evaluations: counts.force_evaluations,
         symbolic_factorizations: counts.symbolic_factorizations,
         linearizations: counts.linearizations,

@@ -273,6 +273,7 @@ fn settings(entry: SimulationEntry) -> Settings {
         duration: entry.duration.map_or(default.duration, |real| real.0),
         threads: default.threads,
         skip: default.skip,
+        rescue: entry.rescue,
         sleep: entry.sleep.map(|real| real.0),
         solution: entry.solution.map_or(default.solution, |named| named.0),
     }

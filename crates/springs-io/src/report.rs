@@ -50,6 +50,8 @@ pub struct Report {
     pub steps: u64,
     /// Steps made and thrown away.
     pub rejected_steps: u64,
+    /// Steps that could not be made in one, and were made in shorter ones.
+    pub rescued_steps: u64,
     /// Evaluations of all forces.
     pub force_evaluations: u64,
     /// Orderings and symbolic factorizations.

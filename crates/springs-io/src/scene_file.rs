@@ -59,6 +59,8 @@ pub(crate) struct SimulationEntry {
     pub(crate) duration: Option<Real>,
     pub(crate) solution: Option<Named<springs_scene::Solution>>,
     pub(crate) sleep: Option<Real>,
+    #[serde(default)]
+    pub(crate) rescue: bool,
 }
 
 /// A version that this crate can read.

@@ -65,6 +65,9 @@ pub fn scene_to_string(scene: &Scene) -> String {
     if let Some(sleep) = settings.sleep {
         fields += &format!(", sleep: {}", number(sleep));
     }
+    if settings.rescue {
+        fields += ", rescue: true";
+    }
     line(format_args!("simulation: ({fields})"));
     text.push_str(")\n");
     text

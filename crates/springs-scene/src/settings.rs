@@ -27,6 +27,8 @@ pub struct Settings {
     /// Parts of the scene that can move no further than this, in m, before they
     /// come to rest are put to sleep; `None`: only what is exactly at rest.
     pub sleep: Option<f64>,
+    /// Whether a step of fixed size that cannot be made is made in shorter ones.
+    pub rescue: bool,
 }
 
 impl Default for Settings {
@@ -40,6 +42,7 @@ impl Default for Settings {
             solution: Solution::Sufficient,
             skip: true,
             sleep: None,
+            rescue: false,
         }
     }
 }

@@ -102,6 +102,8 @@ pub fn interpolate(
         let (x0, x1) = (before.positions[node], after.positions[node]);
         let (v0, v1) = (before.velocities[node], after.velocities[node]);
         (out.positions[node], out.velocities[node]) = match order {
+            // What stands still stands still to the last bit.
+            _ if x0 == x1 && [v0, v1] == [Vector3::zeros(); 2] => (x0, v0),
             1 => (x0.lerp(&x1, fraction), v0.lerp(&v1, fraction)),
             _ => hermite([x0, x1], [v0, v1], h, fraction),
         };

@@ -195,7 +195,7 @@ impl LinearSystem {
         let mut attempt = |projection, work: &mut Work| {
             self.linearize(system, Evaluation { projection, ..at }, work)?;
             timed(&mut work.phases.assembly, || fill(&mut self.out, x));
-            let at = Evaluation { projection, ..at };
+            let at = self.taken(Evaluation { projection, ..at });
             self.solve_refined(system, &at, x, purpose, work)
         };
         match attempt(first, work) {
@@ -205,6 +205,15 @@ impl LinearSystem {
                 attempt(Projection::Clamp, work)
             }
             done => done,
+        }
+    }
+
+    /// What is really linearized: a matrix that does not depend on the state
+    /// does not depend on tensions either.
+    fn taken<'a>(&self, at: Evaluation<'a>) -> Evaluation<'a> {
+        Evaluation {
+            tensions: at.tensions.filter(|_| !self.is_isotropic),
+            ..at
         }
     }
 
@@ -223,10 +232,7 @@ impl LinearSystem {
             });
             return Ok(());
         }
-        let at = Evaluation {
-            tensions: at.tensions.filter(|_| !self.is_isotropic),
-            ..at
-        };
+        let at = self.taken(at);
         timed(&mut work.phases.assembly, || {
             system.linearize(&at, &mut self.out);
         });

@@ -99,6 +99,7 @@ pub struct Simulation {
     nodes: NodeStates,
     work: Work,
     ledger: Ledger,
+    rescue_is_allowed: bool,
     /// The most that energy of motion and of springs could come from, in J.
     most_energy: f64,
 }
@@ -111,6 +112,9 @@ const LOOK_AT_ENERGY: u64 = 4;
 
 /// So many times the energy that was known to be there is not possible.
 const IMPOSSIBLE: f64 = 1e4;
+
+/// Parts of a step that fails may be as short as this part of it.
+const SHORTEST_RESCUE: f64 = 1e-3;
 
 /// Events are found to this part of the step they happen in.
 const EVENT_ACCURACY: f64 = 1e-12;
@@ -168,6 +172,7 @@ impl Simulation {
             work,
             stepper,
             shown: None,
+            rescue_is_allowed: scene.settings.rescue,
             most_energy: 0.0,
             last: None,
             before: nodes.clone(),
@@ -449,7 +454,10 @@ impl Simulation {
                     size: plan.size_of(step),
                 };
                 let (end, h) = (interval.end, interval.size);
-                self.stepper.step_until(end, h, &mut self.work)?;
+                let made = self.stepper.step_until(end, h, &mut self.work);
+                if let Err(error) = made {
+                    return self.rescue(interval, error);
+                }
                 interval
             }
             Schedule::Adaptive(_) => self.adaptive_step()?,
@@ -465,6 +473,54 @@ impl Simulation {
             true => self.watch_energy(interval),
             false => Ok(interval),
         }
+    }
+
+    /// Makes a step that failed as a whole in shorter ones, if that is allowed.
+    /// They count as one; the last of them that fails is the error, and
+    /// everything is then as it was before the first.
+    fn rescue(&mut self, whole: Interval, error: StepError) -> Result<Interval, StepError> {
+        let is_allowed = self.rescue_is_allowed && error.cause != Cause::OutOfMemory;
+        if !is_allowed {
+            return Err(error);
+        }
+        let (saved, ledger) = (self.stepper.bookmark(), self.ledger);
+        let mut interval = Interval {
+            end: whole.start,
+            ..whole
+        };
+        while interval.end < whole.end {
+            interval.start = interval.end;
+            let left = whole.end - interval.start;
+            // Halves end where the whole step does.
+            let is_last = left <= interval.size * (1.0 + 1e-9);
+            interval.size = if is_last { left } else { interval.size };
+            interval.end = match is_last {
+                true => whole.end,
+                false => interval.start + interval.size,
+            };
+            let (end, h) = (interval.end, interval.size);
+            match self.stepper.step_until(end, h, &mut self.work) {
+                Ok(()) => self.ledger.record(
+                    self.stepper.system(),
+                    self.stepper.state(),
+                    interval,
+                    self.stepper.method().quadrature(),
+                ),
+                Err(error) if interval.size < SHORTEST_RESCUE * whole.size => {
+                    self.stepper.return_to(saved);
+                    self.ledger = ledger;
+                    return Err(error);
+                }
+                Err(_) => {
+                    interval.size *= 0.5;
+                    interval.end = interval.start;
+                }
+            }
+        }
+        self.stepper.count_as_one(saved);
+        self.work.counts.rescued_steps += 1;
+        self.last = Some(whole);
+        Ok(whole)
     }
 
     /// An error if there is far more energy than there ever was or came in:

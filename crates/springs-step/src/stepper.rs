@@ -22,6 +22,12 @@ pub struct Stepper {
     steps: u64,
 }
 
+/// Where a stepper was.
+pub(crate) struct Bookmark {
+    state: State,
+    steps: u64,
+}
+
 /// Time as `since + steps·size`.
 #[derive(Clone, Copy, Debug)]
 struct Clock {
@@ -218,6 +224,28 @@ impl Stepper {
             stiffness: springs.stiffness(index),
             stable_step: self.system.stable_step_at(block),
         })
+    }
+
+    /// Where it is, to return to or to count from.
+    pub(crate) fn bookmark(&self) -> Bookmark {
+        Bookmark {
+            state: self.state.clone(),
+            steps: self.steps,
+        }
+    }
+
+    /// Is again where it was; the method starts from positions and velocities
+    /// alone.
+    pub(crate) fn return_to(&mut self, bookmark: Bookmark) {
+        self.state = bookmark.state;
+        self.steps = bookmark.steps;
+        self.method.restart();
+    }
+
+    /// All steps since then are one.
+    pub(crate) fn count_as_one(&mut self, since: Bookmark) {
+        self.before = since.state;
+        self.steps = since.steps + 1;
     }
 
     /// The free block that moves fastest.

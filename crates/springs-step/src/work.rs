@@ -11,6 +11,8 @@ pub struct Counts {
     pub steps: u64,
     /// Steps made and thrown away because their error was too large.
     pub rejected_steps: u64,
+    /// Steps that could not be made in one, and were made in shorter ones.
+    pub rescued_steps: u64,
     /// Evaluations of all forces.
     pub force_evaluations: u64,
     /// Orderings and symbolic factorizations.
@@ -53,34 +55,42 @@ pub struct Work {
     pub phases: Phases,
 }
 
+impl Counts {
+    fn fields(&mut self) -> [&mut u64; 12] {
+        let Self {
+            steps,
+            rejected_steps,
+            rescued_steps,
+            force_evaluations,
+            symbolic_factorizations,
+            linearizations,
+            factorizations,
+            solves,
+            solver_iterations,
+            refinements,
+            newton_iterations,
+            clamped_springs,
+        } = self;
+        [
+            steps,
+            rejected_steps,
+            rescued_steps,
+            force_evaluations,
+            symbolic_factorizations,
+            linearizations,
+            factorizations,
+            solves,
+            solver_iterations,
+            refinements,
+            newton_iterations,
+            clamped_springs,
+        ]
+    }
+}
+
 impl Work {
     pub(crate) fn visit(&mut self, state: &mut HiddenState) {
-        let Counts {
-            steps,
-            rejected_steps,
-            force_evaluations,
-            symbolic_factorizations,
-            linearizations,
-            factorizations,
-            solves,
-            solver_iterations,
-            refinements,
-            newton_iterations,
-            clamped_springs,
-        } = &mut self.counts;
-        for count in [
-            steps,
-            rejected_steps,
-            force_evaluations,
-            symbolic_factorizations,
-            linearizations,
-            factorizations,
-            solves,
-            solver_iterations,
-            refinements,
-            newton_iterations,
-            clamped_springs,
-        ] {
+        for count in self.counts.fields() {
             state.word(count);
         }
         let Phases {
@@ -95,19 +105,11 @@ impl Work {
 }
 
 impl AddAssign for Work {
-    fn add_assign(&mut self, other: Self) {
-        let (a, b) = (&mut self.counts, other.counts);
-        a.steps += b.steps;
-        a.rejected_steps += b.rejected_steps;
-        a.force_evaluations += b.force_evaluations;
-        a.symbolic_factorizations += b.symbolic_factorizations;
-        a.linearizations += b.linearizations;
-        a.factorizations += b.factorizations;
-        a.solves += b.solves;
-        a.solver_iterations += b.solver_iterations;
-        a.refinements += b.refinements;
-        a.newton_iterations += b.newton_iterations;
-        a.clamped_springs += b.clamped_springs;
+    fn add_assign(&mut self, mut other: Self) {
+        let sums = self.counts.fields().into_iter();
+        for (sum, count) in sums.zip(other.counts.fields()) {
+            *sum += *count;
+        }
         self.phases.assembly += other.phases.assembly;
         self.phases.factorization += other.phases.factorization;
         self.phases.solve += other.phases.solve;
@@ -118,20 +120,11 @@ impl Sub for Counts {
     type Output = Self;
 
     /// What was done since an earlier count.
-    fn sub(self, earlier: Self) -> Self {
-        Self {
-            steps: self.steps - earlier.steps,
-            rejected_steps: self.rejected_steps - earlier.rejected_steps,
-            force_evaluations: self.force_evaluations - earlier.force_evaluations,
-            symbolic_factorizations: self.symbolic_factorizations - earlier.symbolic_factorizations,
-            linearizations: self.linearizations - earlier.linearizations,
-            factorizations: self.factorizations - earlier.factorizations,
-            solves: self.solves - earlier.solves,
-            solver_iterations: self.solver_iterations - earlier.solver_iterations,
-            refinements: self.refinements - earlier.refinements,
-            newton_iterations: self.newton_iterations - earlier.newton_iterations,
-            clamped_springs: self.clamped_springs - earlier.clamped_springs,
+    fn sub(mut self, mut earlier: Self) -> Self {
+        for (count, before) in self.fields().into_iter().zip(earlier.fields()) {
+            *count -= *before;
         }
+        self
     }
 }
 

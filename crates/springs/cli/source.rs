@@ -36,6 +36,9 @@ pub(crate) struct SceneArguments {
     /// How precisely linear systems are solved by iteration: sufficient, strict
     #[arg(long, value_name = "HOW")]
     solution: Option<Solution>,
+    /// Make steps that fail in shorter ones
+    #[arg(long)]
+    rescue: bool,
     /// Let parts sleep that can move no further than this, in metres
     #[arg(long, value_name = "REACH", allow_negative_numbers = true)]
     sleep: Option<f64>,
@@ -80,6 +83,7 @@ impl SceneArguments {
         }
         settings.tangent = self.tangent.or(settings.tangent);
         settings.sleep = self.sleep.or(settings.sleep);
+        settings.rescue |= self.rescue;
         settings.skip = !self.no_skip;
         settings.solution = self.solution.unwrap_or(settings.solution);
         settings.threads = self.threads.map_or(settings.threads, |n| n as usize);

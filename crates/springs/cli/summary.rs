@@ -104,6 +104,12 @@ pub(crate) fn summary(scene: &Scene, report: &Report, folder: &Path, written: &[
     };
     flows.push(format!("the method itself {verb} {}", joule(gain)));
     lines.push(format!("  {}", flows.join(", ")));
+    if report.rescued_steps > 0 {
+        lines.push(format!(
+            "  {} could not be made in one and were made in shorter ones",
+            count(report.rescued_steps as usize, "step"),
+        ));
+    }
     if report.clamped_springs > 0 {
         lines.push(format!(
             "  {} clamped where the matrix was indefinite, over all steps",
