@@ -232,10 +232,21 @@ fn every_island_makes_its_own_run() {
     }
 }
 
-/// Loose nodes are moved by the method itself.
 #[test]
 fn any_number_of_threads_gives_the_same_bits() {
-    let (mut scene, _) = archipelago();
+    let (part, _) = archipelago();
+    let mut scene = part.clone();
+    // So many islands that a second thread is worth waking.
+    for _ in 0..12 {
+        let first = scene.nodes.len();
+        scene.nodes.extend(&part.nodes);
+        let springs = part.springs.iter().map(|spring| springs::scene::Spring {
+            nodes: spring.nodes.map(|node| node + first),
+            ..*spring
+        });
+        scene.springs.extend(springs);
+    }
+    assert!(scene.springs.len() > 1000);
     for step in [StepControl::Fixed(H), StepControl::Tolerance(1e-4)] {
         scene.settings.step = step;
         scene.settings.method = Method::Auto;

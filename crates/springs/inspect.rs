@@ -42,7 +42,7 @@ pub fn skipped(scene: &Scene, islands: &Islands) -> Vec<Saving> {
                 "{} that do not feel each other",
                 count(islands.parts().len(), "part")
             ),
-            "each has a method, steps and a solver of its own, and they run side by side"
+            "one method, step and solver for all: each has its own, and they run side by side"
                 .to_owned(),
             "always: the matrix falls apart into theirs",
         );
@@ -54,7 +54,7 @@ pub fn skipped(scene: &Scene, islands: &Islands) -> Vec<Saving> {
                 "{} beside another one between the same nodes",
                 count(merged, "spring")
             ),
-            format!("{merged} springs of {}", scene.springs.len()),
+            format!("{} of {}", count(merged, "spring"), scene.springs.len()),
             "because K = ΣK and l₀ = ΣK·l₀/ΣK give the same force and Hessian; \
              clamped springs are counted and clamped as one",
         );

@@ -47,8 +47,13 @@ pub struct Part {
 /// Scenes with more islands have several of them in one part.
 const MOST_PARTS: usize = 2048;
 
-/// The observer is asked about so often whether to go on.
-const ROUNDS: u64 = 256;
+/// The observer is asked about so often whether to go on; more often where parts
+/// may fall asleep, which is looked for in every few rounds.
+const ROUNDS: u64 = 16;
+const ROUNDS_WITH_SLEEP: u64 = 256;
+
+/// Scenes with fewer springs are done before a second thread is awake.
+const WORTH_A_THREAD: usize = 1000;
 
 /// Within a round, too, after so many steps of a part.
 const MOST_STEPS: u64 = 1000;
@@ -78,7 +83,12 @@ impl Islands {
         let mut scene = scene.clone();
         let settings = &mut scene.settings;
         let all_threads = machine_threads(settings.threads);
-        let threads = if is_dominated { 1 } else { all_threads };
+        let is_small = scene.springs.len() < WORTH_A_THREAD;
+        let threads = if is_dominated || is_small {
+            1
+        } else {
+            all_threads
+        };
         settings.threads = all_threads / threads;
         if settings.step == StepControl::Auto {
             scene.settings.step = StepControl::Tolerance(default_tolerance(&scene));
@@ -295,13 +305,17 @@ impl Islands {
     /// The end of the present round: a whole number of steps, where they are all
     /// of one size.
     fn end_of_round(&self) -> f64 {
+        let rounds = match self.scene.settings.sleep {
+            None => ROUNDS,
+            Some(_) => ROUNDS_WITH_SLEEP,
+        };
         let plan = self.parts[0].simulation.plan();
         let is_common = |part: &Part| part.simulation.plan() == plan;
         let Some(plan) = plan.filter(|_| self.parts.iter().all(is_common)) else {
-            let round = (self.time / self.duration() * ROUNDS as f64 + 1e-6).floor() + 1.0;
-            return (self.duration() * round / ROUNDS as f64).min(self.duration());
+            let round = (self.time / self.duration() * rounds as f64 + 1e-6).floor() + 1.0;
+            return (self.duration() * round / rounds as f64).min(self.duration());
         };
-        let stride = plan.n_steps().div_ceil(ROUNDS).max(1);
+        let stride = plan.n_steps().div_ceil(rounds).max(1);
         let done = (self.time / plan.step_size + 1e-6) as u64;
         plan.end_of((done / stride + 1) * stride)
     }
