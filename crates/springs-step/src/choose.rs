@@ -312,7 +312,7 @@ impl Choice {
         )
     }
 
-    /// Whether a matrix is factorized.
+    /// Whether there is a matrix.
     pub fn has_matrix(&self) -> bool {
         matches!(
             self.method,

@@ -1,6 +1,8 @@
 //! Time integration of mass-spring scenes.
 //!
 //! [`Simulation`] runs a scene from its settings and hands out frames;
+//! [`Islands`] does so for each part of a scene that does not feel the others, and
+//! can be saved and resumed;
 //! [`Stepper`] makes single steps for someone who writes their own loop; a
 //! [`Method`] is one way to make a step, and others can be added from outside.
 //!
