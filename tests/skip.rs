@@ -329,6 +329,28 @@ fn what_is_exactly_at_rest_sleeps_from_the_start() {
     check(&scene, 1e-11);
 }
 
+/// Where nothing moves at all, the steps that were asked for are made.
+#[test]
+fn a_scene_at_rest_makes_its_steps() {
+    let mut scene = Scene::default();
+    scene.add_node(Node::fixed(Vector3::zeros()));
+    scene.add_node(Node {
+        mass: 1.0,
+        ..Node::at(Vector3::x())
+    });
+    scene.add_spring(0, 1, 100.0);
+    scene.settings.step = StepControl::Fixed(0.1);
+    for &method in Method::ALL {
+        scene.settings.method = method;
+        let mut islands = Islands::new(&scene).unwrap();
+        islands.run(1, &mut ()).unwrap();
+        assert_eq!(islands.work().counts.steps, 10, "{method}");
+        let start = NodeStates::of(&scene).positions;
+        let moved = distance(&islands.nodes().positions, &start);
+        assert!(moved < 1e-14, "{method}: {moved:e}");
+    }
+}
+
 /// Damped tangles come to rest; the bound on how far they could still go holds.
 #[test]
 fn sleepers_are_no_further_from_rest_than_was_asked() {

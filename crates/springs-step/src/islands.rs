@@ -94,8 +94,13 @@ impl Islands {
             scene.settings.step = StepControl::Tolerance(default_tolerance(&scene));
         }
         let parts = in_parallel(islands, threads, |island| Part::new(&scene, island));
+        let mut parts: Vec<Part> = parts.into_iter().collect::<Result<_, _>>()?;
+        // Somebody who runs what does not move at all wants to see its steps.
+        if parts.iter().all(|part| part.asleep_since.is_some()) {
+            parts.iter_mut().for_each(|part| part.asleep_since = None);
+        }
         Ok(Self {
-            parts: parts.into_iter().collect::<Result<_, _>>()?,
+            parts,
             threads,
             time: 0.0,
             is_under_way: false,
