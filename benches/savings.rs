@@ -5,8 +5,12 @@
 //! cargo bench --bench savings
 //! ```
 
+#[path = "../tests/common/mod.rs"]
+mod common;
+
+use common::append;
 use springs::scene::generate::{Material, block, chain, cloth};
-use springs::scene::{Method, Node, Scene, StepControl, Vector3};
+use springs::scene::{Method, Scene, StepControl, Vector3};
 use springs::step::{Islands, solver_memory};
 use std::time::Instant;
 
@@ -74,17 +78,10 @@ fn copies(part: &Scene, n: usize, turn: impl Fn(usize, &mut Scene)) -> Scene {
     for k in 0..n {
         let mut part = part.clone();
         turn(k, &mut part);
-        let first = scene.nodes.len();
-        for node in part.nodes {
-            let position = node.position + Vector3::y() * (2.0 * k as f64);
-            scene.nodes.push(Node { position, ..node });
+        for node in &mut part.nodes {
+            node.position += Vector3::y() * (2.0 * k as f64);
         }
-        for spring in part.springs {
-            let nodes = spring.nodes.map(|node| node + first);
-            scene
-                .springs
-                .push(springs::scene::Spring { nodes, ..spring });
-        }
+        append(&mut scene, &part);
     }
     scene
 }
@@ -140,21 +137,11 @@ fn sleepers() -> Scene {
 
 /// As many springs again, between fixed nodes.
 fn with_fixed_springs(mut scene: Scene) -> Scene {
-    let first = scene.nodes.len();
-    for index in 0..first {
-        let node = scene.nodes[index];
-        scene.nodes.push(Node {
-            fixed: true,
-            ..node
-        });
+    let mut copy = scene.clone();
+    for node in &mut copy.nodes {
+        node.fixed = true;
     }
-    for index in 0..scene.springs.len() {
-        let spring = scene.springs[index];
-        let nodes = spring.nodes.map(|node| node + first);
-        scene
-            .springs
-            .push(springs::scene::Spring { nodes, ..spring });
-    }
+    append(&mut scene, &copy);
     scene
 }
 

@@ -437,6 +437,20 @@ fn energy_is_accounted_for_at_every_frame() {
     }
     assert_eq!(rows[20][0], 0.5);
     assert!(rows[20][1] > 0.0);
+    // In steps that resolve everything, next to nothing is the method's own.
+    desk.expect(
+        0,
+        "run cloth.ron --out fine --method velocity-verlet --step 1e-4 --write energy --quiet",
+    );
+    let text = desk.read("fine/energy.csv");
+    let last: Vec<f64> = text
+        .lines()
+        .last()
+        .unwrap()
+        .split(',')
+        .map(|n| n.parse().unwrap())
+        .collect();
+    assert!(last[7].abs() < 1e-3 * last[1], "{last:?}");
 }
 
 #[test]

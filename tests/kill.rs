@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{Random, tangle};
+use common::{Random, append, tangle};
 use springs::io::write_scene;
 use springs::scene::{Method, Scene, StepControl};
 use std::path::Path;
@@ -90,14 +90,7 @@ fn survive(scene: &Scene, options: &str, kills: usize, random: &mut Random) -> u
 /// Long enough to be killed on the way, and in two islands.
 fn scene(method: Method, step: StepControl) -> Scene {
     let mut scene = tangle(12, 6);
-    let first = scene.nodes.len();
-    let other = tangle(8, 7);
-    scene.nodes.extend(&other.nodes);
-    let springs = other.springs.iter().map(|spring| springs::scene::Spring {
-        nodes: spring.nodes.map(|node| node + first),
-        ..*spring
-    });
-    scene.springs.extend(springs);
+    append(&mut scene, &tangle(8, 7));
     scene.settings.method = method;
     scene.settings.step = step;
     scene.settings.duration = 2.0;

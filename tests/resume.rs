@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::tangle;
+use common::{append, tangle};
 use springs::scene::generate::{Material, block, cloth};
 use springs::scene::{Method, Scene, StepControl, Tangent};
 use springs::step::{Frame, Islands, NodeStates, Observer, Outcome};
@@ -137,15 +137,7 @@ fn automatic_choice() {
 #[test]
 fn islands() {
     let mut scene = undamped(6, 1);
-    let other = undamped(7, 2);
-    let first = scene.nodes.len();
-    scene.nodes.extend(&other.nodes);
-    scene
-        .springs
-        .extend(other.springs.iter().map(|spring| springs::scene::Spring {
-            nodes: spring.nodes.map(|node| node + first),
-            ..*spring
-        }));
+    append(&mut scene, &undamped(7, 2));
     scene.settings.method = Method::Auto;
     scene.settings.duration = 0.4;
     scene.settings.sleep = Some(1e-9);

@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{Random, distance, tangle};
+use common::{Random, append, distance, tangle};
 use nalgebra::{Rotation3, Vector3};
 use springs::assembly::{Motion, compile};
 use springs::scene::{Method, Node, Scene, StepControl, Tangent};
@@ -238,13 +238,7 @@ fn any_number_of_threads_gives_the_same_bits() {
     let mut scene = part.clone();
     // So many islands that a second thread is worth waking.
     for _ in 0..12 {
-        let first = scene.nodes.len();
-        scene.nodes.extend(&part.nodes);
-        let springs = part.springs.iter().map(|spring| springs::scene::Spring {
-            nodes: spring.nodes.map(|node| node + first),
-            ..*spring
-        });
-        scene.springs.extend(springs);
+        append(&mut scene, &part);
     }
     assert!(scene.springs.len() > 1000);
     for step in [StepControl::Fixed(H), StepControl::Tolerance(1e-4)] {

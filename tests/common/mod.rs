@@ -76,6 +76,18 @@ pub fn tangle(n_nodes: usize, seed: u64) -> Scene {
     scene
 }
 
+/// Adds a copy of another scene, whose nodes come after those that are there.
+pub fn append(scene: &mut Scene, other: &Scene) {
+    let first = scene.nodes.len();
+    scene.nodes.extend(&other.nodes);
+    scene
+        .springs
+        .extend(other.springs.iter().map(|spring| Spring {
+            nodes: spring.nodes.map(|node| node + first),
+            ..*spring
+        }));
+}
+
 /// The scene with other settings.
 pub fn with(scene: &Scene, method: Method, tangent: Option<Tangent>, step: f64) -> Scene {
     let mut scene = scene.clone();

@@ -81,21 +81,6 @@ impl Dashpots {
         PACKED.map(|entry| block[entry])
     }
 
-    /// Adds `damping`·D·y, and what else they have in the matrix, dashpot by
-    /// dashpot.
-    pub(crate) fn add_products(
-        &self,
-        at: &Evaluation<'_>,
-        y: &[Vector3<f64>],
-        products: &mut [Vector3<f64>],
-    ) {
-        for index in self.connections.live() {
-            let block = self.block(index, at);
-            self.connections
-                .add_product(index, &block, 1.0, y, products);
-        }
-    }
-
     /// Adds the damping of each dashpot, in N·s/m, to its free blocks.
     pub(crate) fn add_damping_sums(&self, sums: &mut [f64]) {
         self.connections.add_to_ends(&self.damping, sums);
@@ -134,6 +119,14 @@ impl ForceEmitter for Dashpots {
             let block = self.block(index, at);
             self.connections
                 .add_anchored_block(index, &block, at.v, out);
+        }
+    }
+
+    fn add_products(&self, at: &Evaluation<'_>, y: &[Vector3<f64>], products: &mut [Vector3<f64>]) {
+        for index in self.connections.live() {
+            let block = self.block(index, at);
+            self.connections
+                .add_product(index, &block, 1.0, y, products);
         }
     }
 }

@@ -18,6 +18,11 @@ pub trait ForceEmitter {
     ///
     /// H = ∂²V/∂x² in N/m; D = −∂f/∂v in N·s/m.
     fn linearize(&self, at: &Evaluation<'_>, out: &mut Linearization);
+
+    /// Adds the products of `y` with what [`Self::linearize`] adds to the matrix,
+    /// term by term: differences of `y` come first, so that uniform motion gives
+    /// exactly nothing, however stiff the terms.
+    fn add_products(&self, at: &Evaluation<'_>, y: &[Vector3<f64>], products: &mut [Vector3<f64>]);
 }
 
 /// Where and how a system is linearized.
@@ -81,4 +86,17 @@ pub enum Projection {
     Absolute,
     /// 0: positive semidefinite.
     Drop,
+}
+
+impl Projection {
+    /// What becomes of an across stiffness, in N/m.
+    #[inline(always)]
+    pub(crate) fn apply(self, across: f64) -> f64 {
+        match self {
+            Self::None => across,
+            Self::Clamp => across.max(0.0),
+            Self::Absolute => across.abs(),
+            Self::Drop => 0.0,
+        }
+    }
 }

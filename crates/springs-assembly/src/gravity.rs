@@ -50,4 +50,6 @@ impl ForceEmitter for Gravity {
     fn linearize(&self, at: &Evaluation<'_>, out: &mut Linearization) {
         self.add_forces(at.x, at.v, &mut out.forces);
     }
+
+    fn add_products(&self, _at: &Evaluation<'_>, _y: &[Vector3<f64>], _p: &mut [Vector3<f64>]) {}
 }

@@ -244,29 +244,6 @@ impl Springs {
         self.stiffness[index]
     }
 
-    /// Adds `stiffness`·H·y, spring by spring: differences of `y` come first, so
-    /// that uniform motion gives exactly nothing, however stiff the springs.
-    pub(crate) fn add_products(
-        &self,
-        at: &Evaluation<'_>,
-        y: &[Vector3<f64>],
-        products: &mut [Vector3<f64>],
-    ) {
-        let project = |across: f64| match at.projection {
-            Projection::None => across,
-            Projection::Clamp => across.max(0.0),
-            Projection::Absolute => across.abs(),
-            Projection::Drop => 0.0,
-        };
-        for index in self.connections.live() {
-            let dx = self.connections.difference(index, at.x);
-            let given = at.tensions.map(|tensions| tensions[index]);
-            let (_, block) = spring::linearize(self.material(index), given, &dx, project);
-            self.connections
-                .add_product(index, &block, at.weights.stiffness, y, products);
-        }
-    }
-
     /// How many springs with a free end have a negative tension: their own, or
     /// the given one.
     pub fn count_compressed(&self, x: &[Vector3<f64>], tensions: Option<&[f64]>) -> usize {
@@ -323,11 +300,23 @@ impl ForceEmitter for Springs {
             }
             _ => {}
         }
+        // One loop for each, without a choice inside.
         match at.projection {
-            Projection::None => self.linearize_with(|across| across, at, out),
-            Projection::Clamp => self.linearize_with(|across| across.max(0.0), at, out),
-            Projection::Absolute => self.linearize_with(f64::abs, at, out),
-            Projection::Drop => self.linearize_with(|_| 0.0, at, out),
+            Projection::None => self.linearize_with(|a| Projection::None.apply(a), at, out),
+            Projection::Clamp => self.linearize_with(|a| Projection::Clamp.apply(a), at, out),
+            Projection::Absolute => self.linearize_with(|a| Projection::Absolute.apply(a), at, out),
+            Projection::Drop => self.linearize_with(|a| Projection::Drop.apply(a), at, out),
+        }
+    }
+
+    fn add_products(&self, at: &Evaluation<'_>, y: &[Vector3<f64>], products: &mut [Vector3<f64>]) {
+        let project = |across| at.projection.apply(across);
+        for index in self.connections.live() {
+            let dx = self.connections.difference(index, at.x);
+            let given = at.tensions.map(|tensions| tensions[index]);
+            let (_, block) = spring::linearize(self.material(index), given, &dx, project);
+            self.connections
+                .add_product(index, &block, at.weights.stiffness, y, products);
         }
     }
 }

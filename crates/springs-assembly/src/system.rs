@@ -253,8 +253,9 @@ impl System {
         for (p, (mass, y)) in product.iter_mut().zip(self.masses.iter().zip(y)) {
             *p = y * (at.weights.mass * mass);
         }
-        self.batches.springs.add_products(at, y, product);
-        self.batches.dashpots.add_products(at, y, product);
+        for emitter in self.emitters() {
+            emitter.add_products(at, y, product);
+        }
     }
 
     /// Mechanical energy, in J.

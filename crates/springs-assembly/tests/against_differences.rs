@@ -8,8 +8,7 @@ use springs_assembly::{
 use springs_scene::generate::{Material, block, chain, cloth, disturb};
 use springs_scene::{Node, Scene};
 
-/// Scenes whose groups of springs have full and partial lanes, dashpots, fixed
-/// and moving nodes.
+/// Scenes with dashpots, duplicate springs, fixed and moving nodes.
 fn scenes() -> Vec<Scene> {
     let mut scenes = Vec::new();
     for mut scene in [
@@ -214,6 +213,74 @@ fn the_fused_pass_has_the_forces_that_do_not_depend_on_velocities() {
         for ((all, dashpots), fused) in forces.iter().zip(&dashpots).zip(&fused.forces) {
             assert!((all - dashpots - fused).norm() < 1e-12 * (1.0 + all.norm()));
         }
+    }
+}
+
+/// Term by term, a product is that of the assembled matrix; and uniform motion
+/// of what nothing holds gives its momentum, to the last bit.
+#[test]
+fn products_term_by_term_are_those_of_the_matrix() {
+    let projections = [
+        Projection::None,
+        Projection::Clamp,
+        Projection::Absolute,
+        Projection::Drop,
+    ];
+    for scene in scenes() {
+        let system = compile(&scene).unwrap();
+        let n_free = system.n_free();
+        let tensions: Vec<f64> = (0..system.springs().len())
+            .map(|k| (k as f64).sin())
+            .collect();
+        let y: Vec<Vector3<f64>> = (0..n_free)
+            .map(|k| Vector3::new((k as f64).cos(), 1.0, -0.1 * k as f64))
+            .collect();
+        for (projection, tensions) in projections
+            .iter()
+            .flat_map(|&projection| [(projection, None), (projection, Some(&*tensions))])
+        {
+            let at = Evaluation {
+                x: system.initial_positions(),
+                v: system.initial_velocities(),
+                projection,
+                tensions,
+                dashpot_tension: true,
+                weights: Weights::of_step(0.1),
+            };
+            let mut out = system.linearization();
+            system.linearize(&at, &mut out);
+            let (mut expected, mut product) = (y.clone(), y.clone());
+            out.matrix.multiply(&y, &mut expected);
+            system.product(&at, &y, &mut product);
+            let off = (flat(&product) - flat(&expected)).amax();
+            assert!(
+                off < 1e-12 * flat(&expected).amax(),
+                "{projection:?}: {off:e}"
+            );
+        }
+    }
+
+    let mut free = scenes().swap_remove(2);
+    for node in &mut free.nodes {
+        node.fixed = false;
+    }
+    for spring in &mut free.springs {
+        spring.stiffness *= 1e12;
+    }
+    let system = compile(&free).unwrap();
+    let at = Evaluation {
+        x: system.initial_positions(),
+        v: system.initial_velocities(),
+        projection: Projection::None,
+        tensions: None,
+        dashpot_tension: false,
+        weights: Weights::of_step(0.1),
+    };
+    let uniform = vec![Vector3::new(1.0, -2.0, 0.5); system.n_free()];
+    let mut product = uniform.clone();
+    system.product(&at, &uniform, &mut product);
+    for ((p, v), m) in product.iter().zip(&uniform).zip(system.masses()) {
+        assert_eq!(*p, v * *m);
     }
 }
 

@@ -86,7 +86,8 @@ impl<const D: usize, const P: usize> Multilevel<D, P> {
         };
         let direct = Direct::new(n_coarse, &distinct, options)?;
         let dearest = dearest_coarse * Price::of_iteration::<P>(n_blocks, pairs.len());
-        let is_cheap = Price::direct(direct.size()).matrix <= dearest;
+        let size = direct.size();
+        let is_cheap = Price::with_factor(size.entries, size.flops).matrix <= dearest;
         let coarse = match is_cheap || n_coarse == n_blocks {
             true => Coarse::Direct(Box::new(direct)),
             false => {

@@ -1,7 +1,7 @@
 //! Which way a system is solved.
 
+use crate::Experience;
 use crate::direct::Direct;
-use crate::{Experience, FactorSize};
 
 /// Which way systems are solved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,11 +32,12 @@ pub struct Price {
 }
 
 impl Price {
-    /// With a factor of such a size.
-    pub(crate) fn direct(size: FactorSize) -> Self {
+    /// With a factor of so many entries, which takes so many multiplications and
+    /// additions.
+    pub fn with_factor(entries: f64, flops: f64) -> Self {
         Self {
-            matrix: 300.0 + 4.5 * size.entries + size.flops / 50.0,
-            solution: 100.0 + 1.2 * size.entries,
+            matrix: 300.0 + 4.5 * entries + flops / 50.0,
+            solution: 100.0 + 1.2 * entries,
             iteration: 0.0,
         }
     }
@@ -90,7 +91,7 @@ impl Chooser {
                 Route::Auto | Route::Iterative if size.flops > WORTH_MIXING => Route::Mixed,
                 _ => Route::Double,
             },
-            direct_price: Price::direct(size),
+            direct_price: Price::with_factor(size.entries, size.flops),
             iteration: Price::of_iteration::<P>(n_blocks, n_pairs),
             experience: Experience {
                 next_pause: FIRST_PAUSE,

@@ -538,11 +538,7 @@ impl Costs {
             force: 40.0 + 4.2 * springs + 2.0 * nodes,
             linearization: 100.0 + 15.0 * springs + 10.0 * nodes,
             analysis: 5e3 + 500.0 * nodes + 150.0 * pairs,
-            system: Price {
-                matrix: 300.0 + 4.5 * entries,
-                solution: 100.0 + 1.2 * entries,
-                iteration: 0.0,
-            },
+            system: Price::with_factor(entries, 0.0),
             is_system_known: false,
         }
     }

@@ -85,6 +85,16 @@ impl HiddenState {
         }
     }
 
+    /// A small whole number.
+    pub fn count(&mut self, count: &mut u32) {
+        let mut word = u64::from(*count);
+        self.word(&mut word);
+        match u32::try_from(word) {
+            Ok(word) => *count = word,
+            Err(_) => self.is_sound = false,
+        }
+    }
+
     /// A number, bit by bit.
     pub fn real(&mut self, real: &mut f64) {
         let mut bits = real.to_bits();

@@ -2,7 +2,7 @@
 
 use crate::choose::default_tolerance;
 use crate::rest::Rest;
-use crate::simulation::{Frames, Shown};
+use crate::simulation::{Frames, Shown, offer};
 use crate::{
     Account, ForeignState, HiddenState, Ledger, NodeStates, Observer, Outcome, SetupError,
     Simulation, StepError, Suspect, Work,
@@ -10,7 +10,6 @@ use crate::{
 use nalgebra::Vector3;
 use springs_assembly::{CompileError, Energy, machine_threads};
 use springs_scene::{Island, Scene, StepControl};
-use std::ops::ControlFlow;
 use std::sync::Mutex;
 
 /// A scene on its way through its duration, cut into parts that do not feel each
@@ -145,9 +144,7 @@ impl Islands {
             part.simulation.visit(state);
             part.state.visit(state);
             state.option(&mut part.asleep_since, |since, state| state.real(since));
-            let mut countdown = u64::from(part.countdown);
-            state.word(&mut countdown);
-            part.countdown = countdown as u32;
+            state.count(&mut part.countdown);
         }
     }
 
@@ -181,10 +178,7 @@ impl Islands {
 
     /// Simulated time, in s.
     pub fn time(&self) -> f64 {
-        match &self.parts[..] {
-            [part] if self.time == 0.0 => part.simulation.stepper().time(),
-            _ => self.time,
-        }
+        self.time
     }
 
     /// Simulated time at the end, in s.
@@ -194,10 +188,7 @@ impl Islands {
 
     /// Positions and velocities, in the order of the scene.
     pub fn nodes(&self) -> &NodeStates {
-        match &self.parts[..] {
-            [part] if self.time == 0.0 => part.simulation.nodes(),
-            _ => &self.nodes,
-        }
+        &self.nodes
     }
 
     /// What was done so far by all parts; steps are those of the part that made
@@ -248,7 +239,10 @@ impl Islands {
             && part.asleep_since.is_none()
             && self.scene.settings.sleep.is_none()
         {
-            return part.simulation.run(intervals, observer);
+            let outcome = part.simulation.run(intervals, observer);
+            self.time = part.simulation.stepper().time();
+            self.nodes.clone_from(part.simulation.nodes());
+            return outcome;
         }
         let mut frames = Frames::new(self.duration(), intervals, &self.nodes);
         frames.go_on(self.shown, self.time);
@@ -265,7 +259,7 @@ impl Islands {
         let duration = self.duration();
         if frames.is_first()
             && (frames.show(0.0, &self.nodes, observer).is_break()
-                || self.give_account(observer).is_break())
+                || offer(observer, || self.account()).is_break())
         {
             return Ok(Outcome::Stopped);
         }
@@ -284,7 +278,7 @@ impl Islands {
                 shown.is_break()
             };
             if stops_at_frame
-                || self.give_account(observer).is_break()
+                || offer(observer, || self.account()).is_break()
                 || observer.step(time).is_break()
             {
                 return Ok(match self.time < duration {
@@ -296,15 +290,12 @@ impl Islands {
         Ok(Outcome::Finished)
     }
 
-    fn give_account(&self, observer: &mut dyn Observer) -> ControlFlow<()> {
-        if !observer.wants_account() {
-            return ControlFlow::Continue(());
-        }
-        observer.account(Account {
+    fn account(&self) -> Account {
+        Account {
             time: self.time,
             energy: self.energy(),
             ledger: self.ledger(),
-        })
+        }
     }
 
     /// The end of the present round: a whole number of steps, where they are all

@@ -153,11 +153,8 @@ impl LinearSystem {
         let experience = self.solver.experience();
         state.real(&mut experience.iterations);
         state.flag(&mut experience.is_iterative);
-        for pause in [&mut experience.pause, &mut experience.next_pause] {
-            let mut word = u64::from(*pause);
-            state.word(&mut word);
-            *pause = word as u32;
-        }
+        state.count(&mut experience.pause);
+        state.count(&mut experience.next_pause);
         if state.is_loading() {
             self.weights = None;
         }

@@ -77,22 +77,17 @@ impl Rest {
             *x = Vector3::new(1.0, 0.7, 0.4) + Vector3::repeat((k as f64).sin());
         }
         for _ in 0..ITERATIONS {
-            let norm = self
-                .slowest
-                .iter()
-                .map(Vector3::norm_squared)
-                .sum::<f64>()
-                .sqrt();
-            self.slowest.iter_mut().for_each(|x| *x /= norm);
+            let length = norm(&self.slowest);
+            self.slowest.iter_mut().for_each(|x| *x /= length);
             solve(&mut self.slowest)?;
-            softness = self
-                .slowest
-                .iter()
-                .map(Vector3::norm_squared)
-                .sum::<f64>()
-                .sqrt();
+            softness = norm(&self.slowest);
         }
         let farthest = self.toward.iter().map(Vector3::norm).fold(0.0, f64::max);
         Some(farthest + (2.0 * energy * softness).sqrt())
     }
+}
+
+fn norm(vectors: &[Vector3<f64>]) -> f64 {
+    let squares = vectors.iter().map(Vector3::norm_squared);
+    squares.sum::<f64>().sqrt()
 }

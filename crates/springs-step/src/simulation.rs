@@ -256,7 +256,7 @@ impl Simulation {
     ) -> Result<Outcome, StepError> {
         if frames.is_first()
             && (frames.show(0.0, &self.nodes, observer).is_break()
-                || self.give_account(observer).is_break())
+                || offer(observer, || self.account()).is_break())
         {
             return Ok(Outcome::Stopped);
         }
@@ -270,7 +270,7 @@ impl Simulation {
             };
             let shown = self.show_frames(frames, interval, observer)?;
             if shown.is_break()
-                || self.give_account(observer).is_break()
+                || offer(observer, || self.account()).is_break()
                 || observer.step(interval.end).is_break()
             {
                 self.stepper.scatter(&mut self.nodes);
@@ -284,15 +284,12 @@ impl Simulation {
         Ok(Outcome::Finished)
     }
 
-    fn give_account(&self, observer: &mut dyn Observer) -> ControlFlow<()> {
-        if !observer.wants_account() {
-            return ControlFlow::Continue(());
-        }
-        observer.account(Account {
+    fn account(&self) -> Account {
+        Account {
             time: self.stepper.time(),
             energy: self.energy(),
             ledger: self.ledger,
-        })
+        }
     }
 
     /// Steps until `time` lies within the last step, and gives the state then;
@@ -462,17 +459,19 @@ impl Simulation {
             }
             Schedule::Adaptive(_) => self.adaptive_step()?,
         };
-        self.ledger.record(
-            self.stepper.system(),
-            self.stepper.state(),
-            interval,
-            self.stepper.method().quadrature(),
-        );
+        self.record(interval);
         self.last = Some(interval);
         match self.stepper.steps().is_multiple_of(LOOK_AT_ENERGY) {
             true => self.watch_energy(interval),
             false => Ok(interval),
         }
+    }
+
+    /// Enters a step that stands into the ledger.
+    fn record(&mut self, interval: Interval) {
+        let (system, state) = (self.stepper.system(), self.stepper.state());
+        let quadrature = self.stepper.method().quadrature();
+        self.ledger.record(system, state, interval, quadrature);
     }
 
     /// Makes a step that failed as a whole in shorter ones, if that is allowed.
@@ -500,12 +499,7 @@ impl Simulation {
             };
             let (end, h) = (interval.end, interval.size);
             match self.stepper.step_until(end, h, &mut self.work) {
-                Ok(()) => self.ledger.record(
-                    self.stepper.system(),
-                    self.stepper.state(),
-                    interval,
-                    self.stepper.method().quadrature(),
-                ),
+                Ok(()) => self.record(interval),
                 Err(error) if interval.size < SHORTEST_RESCUE * whole.size => {
                     self.stepper.return_to(saved);
                     self.ledger = ledger;
@@ -715,6 +709,17 @@ impl Simulation {
             }
         }
         Ok(ControlFlow::Continue(()))
+    }
+}
+
+/// Gives an account to an observer who wants one; else it is not made.
+pub(crate) fn offer(
+    observer: &mut dyn Observer,
+    account: impl FnOnce() -> Account,
+) -> ControlFlow<()> {
+    match observer.wants_account() {
+        true => observer.account(account()),
+        false => ControlFlow::Continue(()),
     }
 }
 

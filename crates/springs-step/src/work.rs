@@ -56,6 +56,7 @@ pub struct Work {
 }
 
 impl Counts {
+    /// All of them; taken apart by name, so that a new one cannot be forgotten.
     fn fields(&mut self) -> [&mut u64; 12] {
         let Self {
             steps,
