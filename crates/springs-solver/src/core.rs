@@ -14,6 +14,8 @@ pub(crate) struct Core<const D: usize, const P: usize> {
     iterative: Option<Iterative<D, P>>,
     /// How the present matrix is solved.
     now: Route,
+    /// Whether the last matrix was taken and not found wanting since.
+    has_matrix: bool,
     chooser: Chooser,
     counts: Counts,
 }
@@ -51,6 +53,7 @@ impl<const D: usize, const P: usize> Core<D, P> {
             direct,
             iterative,
             now: Route::Double,
+            has_matrix: false,
             chooser,
             counts: Counts::default(),
         })
@@ -94,9 +97,25 @@ impl<const D: usize, const P: usize> Core<D, P> {
         self.counts
     }
 
+    /// Whether there is a matrix to solve with.
+    pub(crate) fn has_matrix(&self) -> bool {
+        self.has_matrix
+    }
+
+    pub(crate) fn set_matrix(
+        &mut self,
+        diagonal: &[[f64; P]],
+        off_diagonal: &[[f64; P]],
+    ) -> Result<(), SolveError> {
+        self.has_matrix = false;
+        self.take_matrix(diagonal, off_diagonal)?;
+        self.has_matrix = true;
+        Ok(())
+    }
+
     /// Where single precision finds the matrix indefinite, double precision
     /// decides.
-    pub(crate) fn set_matrix(
+    fn take_matrix(
         &mut self,
         diagonal: &[[f64; P]],
         off_diagonal: &[[f64; P]],
@@ -140,6 +159,15 @@ impl<const D: usize, const P: usize> Core<D, P> {
         blocks: &mut [[f64; D]],
         accuracy: f64,
     ) -> Result<(), SolveError> {
+        if !self.has_matrix {
+            return Err(SolveError::NoMatrix);
+        }
+        let done = self.solve(blocks, accuracy);
+        self.has_matrix = done.is_ok();
+        done
+    }
+
+    fn solve(&mut self, blocks: &mut [[f64; D]], accuracy: f64) -> Result<(), SolveError> {
         if self.now == Route::Iterative {
             let most = self.chooser.most_iterations();
             let (ending, iterations) = self.iterate(blocks, accuracy, most);

@@ -128,6 +128,9 @@ pub enum SolveError {
         /// Index of the pair.
         pair: usize,
     },
+    /// There is no matrix: none was set, or the last one was refused.
+    #[error("there is no matrix to solve with: none was set, or the last one was refused")]
+    NoMatrix,
     /// The factor has more entries than can be indexed or stored.
     #[error("the factor of {n_blocks} blocks is too large for this machine")]
     TooLarge {

@@ -54,7 +54,6 @@ struct Reduced<const D: usize, const P: usize> {
     /// The last matrix, which stands if the next is the same.
     diagonal: Vec<[f64; P]>,
     off_diagonal: Vec<[f64; P]>,
-    is_set: bool,
     x: Vec<[f64; D]>,
 }
 
@@ -214,7 +213,10 @@ impl Solver {
     ///
     /// # Errors
     ///
-    /// If the matrix turns out not to be positive definite.
+    /// If there is no matrix, or it turns out not to be positive definite, or
+    /// there is not enough memory for a factor that turns out to be needed;
+    /// there is then no matrix until the next success of [`Self::set_matrix`],
+    /// and what stands in `rhs` is of no use.
     ///
     /// # Panics
     ///
@@ -249,7 +251,6 @@ impl<const D: usize, const P: usize> Reduced<D, P> {
             basis,
             diagonal: vec![[0.0; P]; n_blocks],
             off_diagonal: vec![[0.0; P]; pairs.len()],
-            is_set: false,
             x: vec![[0.0; D]; n_blocks],
         })
     }
@@ -259,7 +260,7 @@ impl<const D: usize, const P: usize> Reduced<D, P> {
         diagonal: &[[f64; 6]],
         off_diagonal: &[[f64; 6]],
     ) -> Result<(), SolveError> {
-        let mut is_the_last = self.is_set;
+        let mut is_the_last = self.core.has_matrix();
         for (kept, blocks) in [
             (&mut self.diagonal, diagonal),
             (&mut self.off_diagonal, off_diagonal),
@@ -273,16 +274,14 @@ impl<const D: usize, const P: usize> Reduced<D, P> {
         if is_the_last {
             return Ok(());
         }
-        let done = self.core.set_matrix(&self.diagonal, &self.off_diagonal);
-        self.is_set = done.is_ok();
-        done
+        self.core.set_matrix(&self.diagonal, &self.off_diagonal)
     }
 
     fn solve_in_place(&mut self, blocks: &mut [[f64; 3]], accuracy: f64) -> Result<(), SolveError> {
         for (x, block) in self.x.iter_mut().zip(&*blocks) {
             *x = self.basis.map(|vector| dot(&vector, block));
         }
-        self.solve(accuracy)?;
+        self.core.solve_in_place(&mut self.x, accuracy)?;
         for (x, block) in self.x.iter().zip(blocks) {
             *block = [0.0; 3];
             for (length, vector) in x.iter().zip(&self.basis) {
@@ -304,17 +303,11 @@ impl<const D: usize, const P: usize> Reduced<D, P> {
         for (x, block) in self.x.iter_mut().zip(&*blocks) {
             *x = [block[axis]; D];
         }
-        self.solve(accuracy)?;
+        self.core.solve_in_place(&mut self.x, accuracy)?;
         for (x, block) in self.x.iter().zip(blocks) {
             block[axis] = x[0];
         }
         Ok(())
-    }
-
-    fn solve(&mut self, accuracy: f64) -> Result<(), SolveError> {
-        let done = self.core.solve_in_place(&mut self.x, accuracy);
-        self.is_set &= done.is_ok();
-        done
     }
 }
 

@@ -295,6 +295,10 @@ impl LinearSystem {
         work.counts.solves += 1;
         work.counts.factorizations += after.factorizations - before.factorizations;
         work.counts.solver_iterations += after.iterations - before.iterations;
+        if done.is_err() {
+            // The solver has let go of the matrix.
+            self.weights = None;
+        }
         done.map_err(MethodError::of)
     }
 
