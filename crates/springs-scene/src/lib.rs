@@ -27,9 +27,11 @@ mod islands;
 mod problems;
 mod scene;
 mod settings;
+mod text;
 
 pub use islands::{Island, Partition};
 pub use nalgebra::Vector3;
 pub use problems::{Path, Problem};
 pub use scene::{Node, Scene, Spring};
 pub use settings::{Method, Settings, Solution, StepControl, Tangent, UnknownName};
+pub use text::printable;
