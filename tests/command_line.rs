@@ -1,55 +1,13 @@
 //! The program as a script sees it: files, streams, exit codes.
 
+mod common;
+
+use common::desk::Desk;
 use serde_json::Value;
 use springs::io::read_scene;
 use std::io::Write as _;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
-
-/// A folder of its own and the program in it.
-struct Desk(tempfile::TempDir);
-
-impl Desk {
-    fn new() -> Self {
-        Self(tempfile::tempdir().unwrap())
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
-    }
-
-    fn springs(&self, arguments: &str) -> Output {
-        Command::new(env!("CARGO_BIN_EXE_springs"))
-            .current_dir(&self.0)
-            .args(arguments.split_whitespace())
-            .stdin(Stdio::null())
-            .output()
-            .unwrap()
-    }
-
-    /// Runs, expects an exit code, and returns what went to standard error.
-    fn expect(&self, code: i32, arguments: &str) -> String {
-        let output = self.springs(arguments);
-        let error = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(code), "{arguments}: {error}");
-        assert!(output.stdout.is_empty() || code == 0, "{arguments}");
-        error
-    }
-
-    fn scene(&self, name: &str, arguments: &str) {
-        let output = self.springs(&format!("new {arguments}"));
-        assert!(output.status.success());
-        std::fs::write(self.path(name), output.stdout).unwrap();
-    }
-
-    fn report(&self, folder: &str) -> Value {
-        serde_json::from_str(&self.read(&format!("{folder}/report.json"))).unwrap()
-    }
-
-    fn read(&self, name: &str) -> String {
-        std::fs::read_to_string(self.path(name)).unwrap()
-    }
-}
+use std::path::Path;
+use std::process::Stdio;
 
 /// What scripts rely on in report.json.
 const PROMISED_FIELDS: [&str; 26] = [
@@ -272,7 +230,7 @@ fn wrong_command_lines_exit_with_2_and_write_nothing() {
     ] {
         desk.expect(2, arguments);
     }
-    let left = std::fs::read_dir(&desk.0).unwrap().count();
+    let left = std::fs::read_dir(desk.folder()).unwrap().count();
     assert_eq!(left, 1, "only the scene");
 }
 
@@ -301,108 +259,6 @@ fn a_failing_simulation_exits_with_3_and_keeps_its_frames() {
     assert!(last > 0.0 && last <= report["simulated_seconds"].as_f64().unwrap());
     assert!(read_scene(&desk.path("chain/final.ron")).is_ok());
     assert!(desk.path("chain/filmstrip.svg").exists());
-}
-
-#[cfg(unix)]
-#[test]
-fn an_interrupted_run_exits_with_130_and_keeps_its_frames() {
-    let desk = Desk::new();
-    desk.scene("cloth.ron", "cloth 8 --duration 1e6");
-    let mut child = Command::new(env!("CARGO_BIN_EXE_springs"))
-        .current_dir(&desk.0)
-        .args(["run", "cloth.ron", "--write", "csv", "--frames", "1000000"])
-        .stderr(Stdio::null())
-        .spawn()
-        .unwrap();
-    // Wait until it is on its way.
-    while !desk.path("cloth").exists() {
-        std::thread::sleep(std::time::Duration::from_millis(10));
-    }
-    std::thread::sleep(std::time::Duration::from_millis(300));
-    let interrupt = Command::new("kill")
-        .args(["-INT", &child.id().to_string()])
-        .status()
-        .unwrap();
-    assert!(interrupt.success());
-    assert_eq!(child.wait().unwrap().code(), Some(130));
-    let report = desk.report("cloth");
-    assert_eq!(report["status"], "interrupted");
-    assert!(report["steps"].as_u64().unwrap() > 0);
-    assert!(read_scene(&desk.path("cloth/final.ron")).is_ok());
-    assert!(desk.read("cloth/trajectory.csv").ends_with('\n'));
-}
-
-/// Interrupted at any moment, with or without checkpoints asked for, a run goes
-/// on as if nothing had been.
-#[test]
-fn an_interrupted_run_can_be_resumed() {
-    for more in ["", "--checkpoint 0.1s"] {
-        let desk = Desk::new();
-        desk.scene("cloth.ron", "cloth 12 --duration 0.4 --step 1e-4");
-        let options = "--write csv,energy,svg --frames 9 --quiet";
-        desk.expect(0, &format!("run cloth.ron --out whole {options}"));
-        let mut child = Command::new(env!("CARGO_BIN_EXE_springs"))
-            .current_dir(&desk.0)
-            .args(format!("run cloth.ron {options} {more}").split_whitespace())
-            .spawn()
-            .unwrap();
-        while !desk.path("cloth").exists() {
-            std::thread::sleep(std::time::Duration::from_millis(5));
-        }
-        std::thread::sleep(std::time::Duration::from_millis(50));
-        let id = child.id().to_string();
-        Command::new("kill").args(["-INT", &id]).status().unwrap();
-        assert_eq!(child.wait().unwrap().code(), Some(130));
-        let refused = desk.expect(2, "run cloth.ron --quiet");
-        assert!(refused.contains("another run"), "{refused}");
-        desk.expect(0, "resume cloth --quiet");
-        for name in ["final.ron", "trajectory.csv", "energy.csv", "filmstrip.svg"] {
-            let (whole, resumed) = (format!("whole/{name}"), format!("cloth/{name}"));
-            assert_eq!(desk.read(&whole), desk.read(&resumed), "{name} {more}");
-        }
-        assert_eq!(desk.report("cloth")["status"], "finished");
-        let nothing = desk.expect(2, "resume cloth");
-        assert!(nothing.contains("holds no checkpoint"), "{nothing}");
-    }
-}
-
-#[test]
-fn a_checkpoint_that_is_not_sound_is_refused() {
-    let desk = Desk::new();
-    desk.scene("cloth.ron", "cloth 6 --duration 1e3");
-    // Too long to be finished.
-    let mut child = Command::new(env!("CARGO_BIN_EXE_springs"))
-        .current_dir(&desk.0)
-        .args("run cloth.ron --checkpoint 10 --write csv --quiet".split_whitespace())
-        .spawn()
-        .unwrap();
-    let (path, part) = (
-        desk.path("cloth/checkpoint.bin"),
-        desk.path("cloth/trajectory.csv.part"),
-    );
-    while std::fs::metadata(&part).map_or(0, |part| part.len()) < 1_000_000 {
-        std::thread::sleep(std::time::Duration::from_millis(5));
-    }
-    child.kill().unwrap();
-    child.wait().unwrap();
-    let sound = std::fs::read(&path).unwrap();
-    let mut flipped = sound.clone();
-    flipped[100] ^= 4;
-    for bad in [&sound[..sound.len() / 2], &flipped, b"Scene("] {
-        std::fs::write(&path, bad).unwrap();
-        let error = desk.expect(2, "resume cloth");
-        let named = ["damaged", "not a checkpoint"]
-            .iter()
-            .any(|why| error.contains(why));
-        assert!(named && error.contains("checkpoint.bin"), "{error}");
-    }
-    // That of another run: its trajectory is not the one here.
-    std::fs::write(&path, &sound).unwrap();
-    let rows = std::fs::read(&part).unwrap();
-    std::fs::write(&part, &rows[..40]).unwrap();
-    let error = desk.expect(2, "resume cloth");
-    assert!(error.contains("trajectory.csv.part"), "{error}");
-    assert_eq!(std::fs::read(&path).unwrap(), sound, "nothing was touched");
 }
 
 /// Every row of energy.csv closes: what is there is what was, plus what came,
@@ -457,9 +313,8 @@ fn energy_is_accounted_for_at_every_frame() {
 fn scenes_come_through_pipes() {
     let desk = Desk::new();
     desk.scene("chain.ron", "chain 4 --duration 0.1");
-    let mut child = Command::new(env!("CARGO_BIN_EXE_springs"))
-        .current_dir(&desk.0)
-        .args(["run", "-", "--quiet"])
+    let mut child = desk
+        .command("run - --quiet")
         .stdin(Stdio::piped())
         .spawn()
         .unwrap();
@@ -493,7 +348,7 @@ fn check_runs_nothing_and_says_what_is_there() {
     ] {
         assert!(said.contains(part), "{part} in:\n{said}");
     }
-    assert_eq!(std::fs::read_dir(&desk.0).unwrap().count(), 1);
+    assert_eq!(std::fs::read_dir(desk.folder()).unwrap().count(), 1);
 }
 
 #[test]

@@ -3,6 +3,7 @@
 // Every test binary takes what it needs.
 #![allow(dead_code, unreachable_pub)]
 
+pub mod desk;
 pub mod hard;
 pub mod moving;
 

@@ -4,6 +4,7 @@ mod check;
 mod new;
 mod output;
 mod run;
+mod signals;
 mod source;
 mod study;
 mod summary;
@@ -11,8 +12,6 @@ mod summary;
 use clap::{Parser, Subcommand};
 use std::io::Write as _;
 use std::process::ExitCode;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Mass-spring simulation.
 #[derive(Parser)]
@@ -47,7 +46,7 @@ enum Ending {
 const EXIT_WRONG: u8 = 2;
 /// The simulation could not go on.
 const EXIT_FAILED: u8 = 3;
-/// Interrupted by the user.
+/// Ended by a signal, such as that of Ctrl-C.
 const EXIT_INTERRUPTED: u8 = 130;
 /// A result could not be written.
 const EXIT_UNWRITTEN: u8 = 1;
@@ -94,14 +93,6 @@ fn report_error(error: &anyhow::Error) -> u8 {
         true => EXIT_UNWRITTEN,
         false => EXIT_WRONG,
     }
-}
-
-/// Becomes true when the user presses Ctrl-C.
-fn watch_for_interrupt() -> anyhow::Result<Arc<AtomicBool>> {
-    let interrupted = Arc::new(AtomicBool::new(false));
-    let handler = interrupted.clone();
-    ctrlc::set_handler(move || handler.store(true, Ordering::Relaxed))?;
-    Ok(interrupted)
 }
 
 fn say_error(message: &str) {

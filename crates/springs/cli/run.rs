@@ -1,8 +1,9 @@
 //! `springs run`: simulate a scene; `springs resume`: go on where one stopped.
 
 use super::output::{CHECKPOINT, Extra, Output, Written};
+use super::signals::Signals;
 use super::source::SceneArguments;
-use super::{Advised, Ending, Unwritten, say, say_error, summary, watch_for_interrupt};
+use super::{Advised, Ending, Unwritten, say, say_error, summary};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::{Deserialize, Serialize};
 use springs::io::{
@@ -103,6 +104,7 @@ struct Run {
     folder: PathBuf,
     intervals: usize,
     every: Option<Every>,
+    signals: Signals,
     begin: Instant,
     setup: Duration,
     quiet: bool,
@@ -110,6 +112,7 @@ struct Run {
 
 pub(crate) fn run(arguments: &RunArguments) -> anyhow::Result<Ending> {
     let begin = Instant::now();
+    let signals = Signals::watch();
     let folder = match &arguments.out {
         Some(folder) => folder.clone(),
         None => arguments.scene.stem(),
@@ -127,17 +130,20 @@ pub(crate) fn run(arguments: &RunArguments) -> anyhow::Result<Ending> {
         folder,
         intervals,
         every: arguments.checkpoint,
+        signals,
         begin,
         setup: begin.elapsed(),
         quiet: arguments.quiet,
     };
     let lasting = run.every.is_some();
+    run.signals.note_the_first();
     let output = Output::begin(&run.folder, &arguments.write, intervals, lasting)?;
     run.go(output)
 }
 
 pub(crate) fn resume(arguments: &ResumeArguments) -> anyhow::Result<Ending> {
     let begin = Instant::now();
+    let signals = Signals::watch();
     let folder = &arguments.folder;
     let path = folder.join(CHECKPOINT);
     if !path.exists() {
@@ -166,6 +172,7 @@ pub(crate) fn resume(arguments: &ResumeArguments) -> anyhow::Result<Ending> {
     islands
         .restore(words)
         .map_err(|error| foreign(&path, &error.to_string()))?;
+    signals.note_the_first();
     let output = Output::resume(folder, &about.written).map_err(|error| match error {
         ContinueError::File(error) => anyhow::Error::from(Unwritten::from(error)),
         other => foreign(&path, &other.to_string()).into(),
@@ -176,6 +183,7 @@ pub(crate) fn resume(arguments: &ResumeArguments) -> anyhow::Result<Ending> {
         folder: folder.clone(),
         intervals: about.intervals,
         every: about.every,
+        signals,
         begin,
         setup: begin.elapsed(),
         quiet: arguments.quiet,
@@ -194,7 +202,7 @@ impl Run {
     /// Simulates to the end, or until something stops it, and writes.
     fn go(mut self, output: Output) -> anyhow::Result<Ending> {
         let mut watcher = Watcher {
-            interrupted: watch_for_interrupt()?,
+            is_interrupted: self.signals.is_interrupted(),
             progress: match self.quiet {
                 true => ProgressBar::hidden(),
                 false => progress_bar(),
@@ -223,7 +231,9 @@ impl Run {
                 watcher.progress.finish_and_clear();
                 return Err(unwritten.into());
             }
-            if !(watcher.is_due && outcome == Ok(Outcome::Stopped)) {
+            // A checkpoint stops a run only to be written.
+            let goes_on = watcher.is_due && !watcher.is_interrupted();
+            if !(goes_on && outcome == Ok(Outcome::Stopped)) {
                 break outcome;
             }
         };
@@ -329,7 +339,7 @@ const PROGRESS: u64 = 10_000;
 /// Writes frames, draws progress, notices an interrupt or when a checkpoint is
 /// due.
 struct Watcher {
-    interrupted: Arc<AtomicBool>,
+    is_interrupted: Arc<AtomicBool>,
     progress: ProgressBar,
     last_drawn: Instant,
     duration: f64,
@@ -348,6 +358,10 @@ struct Watcher {
 const REDRAW: Duration = Duration::from_millis(100);
 
 impl Watcher {
+    fn is_interrupted(&self) -> bool {
+        self.is_interrupted.load(Ordering::SeqCst)
+    }
+
     fn write(
         &mut self,
         write: impl FnOnce(&mut Output) -> Result<(), Unwritten>,
@@ -391,9 +405,10 @@ impl Observer for Watcher {
             Some(Every::Steps(steps)) => self.steps >= steps,
             Some(Every::Seconds(_)) => time >= self.next_checkpoint,
         };
-        match self.is_due || self.interrupted.load(Ordering::Relaxed) {
-            true => ControlFlow::Break(()),
-            false => ControlFlow::Continue(()),
+        if self.is_due || self.is_interrupted() {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
         }
     }
 }

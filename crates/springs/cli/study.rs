@@ -1,8 +1,9 @@
 //! `springs study`: run time against error for a scene.
 
 use super::output::{claim, make_folder};
+use super::signals::Signals;
 use super::source::SceneArguments;
-use super::{Advised, Ending, Unwritten, say, say_error, watch_for_interrupt};
+use super::{Advised, Ending, Unwritten, say, say_error};
 use indicatif::{ProgressBar, ProgressStyle};
 use springs::io::write_whole;
 use springs::scene::Method;
@@ -57,6 +58,7 @@ const MAP_CSV: &str = "stability.csv";
 const MAP_DIAGRAM: &str = "stability.svg";
 
 pub(crate) fn study_command(arguments: &StudyArguments) -> anyhow::Result<Ending> {
+    let signals = Signals::watch();
     let folder = match &arguments.out {
         Some(folder) => folder.clone(),
         None => arguments.scene.stem(),
@@ -76,7 +78,8 @@ pub(crate) fn study_command(arguments: &StudyArguments) -> anyhow::Result<Ending
         options.methods = arguments.methods.clone();
         options.methods.retain(|method| *method != Method::Auto);
     }
-    let interrupted = watch_for_interrupt()?;
+    signals.note_the_first();
+    let interrupted = signals.is_interrupted();
     let bar = match arguments.quiet {
         true => ProgressBar::hidden(),
         false => progress_bar(),

@@ -1,0 +1,108 @@
+//! A folder, and the program in it.
+
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+/// A folder of its own and the program in it.
+pub struct Desk(tempfile::TempDir);
+
+/// Whoever waits longer waits for nothing.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+impl Desk {
+    pub fn new() -> Self {
+        Self(tempfile::tempdir().unwrap())
+    }
+
+    pub fn folder(&self) -> &Path {
+        self.0.path()
+    }
+
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    /// The program, with arguments that are split at spaces.
+    pub fn command(&self, arguments: &str) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_springs"));
+        command
+            .current_dir(&self.0)
+            .args(arguments.split_whitespace())
+            .stdin(Stdio::null());
+        command
+    }
+
+    pub fn springs(&self, arguments: &str) -> Output {
+        self.command(arguments).output().unwrap()
+    }
+
+    /// Starts the program; nobody reads what it says.
+    pub fn start(&self, arguments: &str) -> Child {
+        let mut command = self.command(arguments);
+        command.stdout(Stdio::null()).stderr(Stdio::null());
+        command.spawn().unwrap()
+    }
+
+    /// Runs, expects an exit code, and returns what went to standard error.
+    pub fn expect(&self, code: i32, arguments: &str) -> String {
+        let output = self.springs(arguments);
+        let error = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(code), "{arguments}: {error}");
+        assert!(output.stdout.is_empty() || code == 0, "{arguments}");
+        error
+    }
+
+    /// Writes what `springs new` prints.
+    pub fn scene(&self, name: &str, arguments: &str) {
+        let output = self.springs(&format!("new {arguments}"));
+        assert!(output.status.success());
+        std::fs::write(self.path(name), output.stdout).unwrap();
+    }
+
+    pub fn report(&self, folder: &str) -> Value {
+        serde_json::from_str(&self.read(&format!("{folder}/report.json"))).unwrap()
+    }
+
+    pub fn read(&self, name: &str) -> String {
+        std::fs::read_to_string(self.path(name)).unwrap()
+    }
+
+    /// Names of all files in a folder, sorted; none if there is no folder.
+    pub fn names(&self, folder: &str) -> Vec<String> {
+        let Ok(entries) = std::fs::read_dir(self.path(folder)) else {
+            return Vec::new();
+        };
+        let mut names: Vec<String> = entries
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        names.sort();
+        names
+    }
+
+    /// The bytes in a folder.
+    pub fn size(&self, folder: &str) -> u64 {
+        let names = self.names(folder);
+        // A file may be renamed at any moment.
+        let size = |name: &String| std::fs::metadata(self.path(folder).join(name)).ok();
+        names.iter().filter_map(size).map(|file| file.len()).sum()
+    }
+}
+
+/// Waits for a condition.
+pub fn wait_until(what: &str, condition: impl Fn() -> bool) {
+    let begin = Instant::now();
+    while !condition() {
+        assert!(begin.elapsed() < PATIENCE, "waited in vain: {what}");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+/// Sends a signal, such as INT.
+pub fn signal(child: &Child, name: &str) {
+    let status = Command::new("kill")
+        .args([format!("-{name}"), child.id().to_string()])
+        .status();
+    assert!(status.unwrap().success());
+}
