@@ -172,7 +172,7 @@ fn moving_anchors_are_standing_anchors_in_a_moving_frame() {
 fn the_ledger_closes() {
     for (method, tangent, h) in variants() {
         if method == Method::Dop853 {
-            // Its own loss is at rounding; the ledger's integrals are of order 2.
+            // Its own loss is at rounding here; tests/ledger.rs has its order.
             continue;
         }
         let gain = |h: f64| {

@@ -113,9 +113,9 @@ impl Connections {
         self.interior..self.anchored
     }
 
-    /// At least one end is fixed.
-    pub(crate) fn fixed(&self) -> Range<usize> {
-        self.interior..self.ends.len()
+    /// Both ends are fixed.
+    pub(crate) fn between_fixed(&self) -> Range<usize> {
+        self.anchored..self.ends.len()
     }
 
     /// At least one end is free.
@@ -135,6 +135,12 @@ impl Connections {
                 sums[block as usize] += value;
             }
         }
+    }
+
+    /// The second end: of an anchored connection, its fixed node.
+    #[inline(always)]
+    pub(crate) fn second(&self, connection: usize, x: &[Vector3<f64>]) -> Vector3<f64> {
+        x[self.ends[connection][1] as usize]
     }
 
     /// x₁ − x₀, or the same of velocities.
@@ -201,22 +207,5 @@ impl Connections {
         if is_interior {
             products[b] -= product;
         }
-    }
-
-    /// Power, in W, that fixed nodes have to give to move against `force`, the
-    /// force on the first end of a connection.
-    pub(crate) fn anchor_power(
-        &self,
-        v: &[Vector3<f64>],
-        n_free: usize,
-        force: impl Fn(usize) -> Vector3<f64>,
-    ) -> f64 {
-        let power = |connection| {
-            let force: Vector3<f64> = force(connection);
-            let [a, b] = self.ends[connection].map(|block| block as usize);
-            let first = if a < n_free { 0.0 } else { -force.dot(&v[a]) };
-            first + force.dot(&v[b])
-        };
-        self.fixed().map(power).sum()
     }
 }

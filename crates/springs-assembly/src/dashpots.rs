@@ -42,13 +42,78 @@ impl Dashpots {
         self.damping.is_empty()
     }
 
-    /// Heat that all of them produce, in W.
+    /// Heat that those with a free end produce, in W.
     pub fn dissipation(&self, x: &[Vector3<f64>], v: &[Vector3<f64>]) -> f64 {
         let heat = |index| {
             let [a, b] = self.ends(index);
             dashpot::dissipation(self.dashpot(index), [&x[a], &x[b]], [&v[a], &v[b]])
         };
-        (0..self.len()).map(heat).sum()
+        self.connections.live().map(heat).sum()
+    }
+
+    /// v₁ − v₀ of the ends of each dashpot, in m/s.
+    ///
+    /// # Panics
+    ///
+    /// If `rates` does not have one entry per dashpot.
+    pub fn rates(&self, v: &[Vector3<f64>], rates: &mut [Vector3<f64>]) {
+        assert_eq!(rates.len(), self.len(), "one entry per dashpot");
+        for (index, rate) in rates.iter_mut().enumerate() {
+            *rate = self.connections.difference(index, v);
+        }
+    }
+
+    /// Adds the force on the first end of each dashpot with a free end, times a
+    /// time `weight` in s, to its impulse, in N·s.
+    ///
+    /// # Panics
+    ///
+    /// If `impulses` does not have one entry per dashpot.
+    pub fn add_impulses(
+        &self,
+        weight: f64,
+        x: &[Vector3<f64>],
+        v: &[Vector3<f64>],
+        impulses: &mut [Vector3<f64>],
+    ) {
+        assert_eq!(impulses.len(), self.len(), "one entry per dashpot");
+        for index in self.connections.live() {
+            impulses[index] += self.force(index, x, v) * weight;
+        }
+    }
+
+    /// Kinetic energy, in J, that impulses of the dashpots take from their ends
+    /// when the [rates](Self::rates) change from `before` to those of `v`:
+    /// Σ J·(w₀ + w₁)/2.
+    pub fn energy_taken(
+        &self,
+        impulses: &[Vector3<f64>],
+        before: &[Vector3<f64>],
+        v: &[Vector3<f64>],
+    ) -> f64 {
+        let taken = |index| {
+            let mean: Vector3<f64> = before[index] + self.connections.difference(index, v);
+            0.5 * impulses[index].dot(&mean)
+        };
+        self.connections.live().map(taken).sum()
+    }
+
+    /// Work, in J, that anchors do against impulses of their dashpots to free
+    /// nodes.
+    pub fn anchor_work(&self, impulses: &[Vector3<f64>], v: &[Vector3<f64>]) -> f64 {
+        let work =
+            |index: usize| -> f64 { impulses[index].dot(&self.connections.second(index, v)) };
+        self.connections.anchored().map(work).sum()
+    }
+
+    /// Heat, in J, of the dashpots between fixed nodes that go in a time `h`, in
+    /// s, from `start` to `end` at constant velocities; anchors do as much work.
+    pub fn heat_between_fixed(&self, start: &[Vector3<f64>], end: &[Vector3<f64>], h: f64) -> f64 {
+        let heat = |index| {
+            let [before, after] = [start, end].map(|x| self.connections.difference(index, x));
+            dashpot::heat_of_passage(self.dashpot(index), &before, &after, h)
+        };
+        self.connections.between_fixed().map(heat).sum()
     }
 
     fn dashpot(&self, index: usize) -> Dashpot {
@@ -86,15 +151,14 @@ impl Dashpots {
         self.connections.add_to_ends(&self.damping, sums);
     }
 
-    /// Power, in W, that the anchors have to give to move against the dashpots.
-    pub(crate) fn anchor_power(
-        &self,
-        x: &[Vector3<f64>],
-        v: &[Vector3<f64>],
-        n_free: usize,
-    ) -> f64 {
-        self.connections
-            .anchor_power(v, n_free, |index| self.force(index, x, v))
+    /// Power, in W, that anchors give to move against their dashpots to free
+    /// nodes.
+    pub fn anchor_power(&self, x: &[Vector3<f64>], v: &[Vector3<f64>]) -> f64 {
+        let power = |index| -> f64 {
+            let force = self.force(index, x, v);
+            force.dot(&self.connections.second(index, v))
+        };
+        self.connections.anchored().map(power).sum()
     }
 }
 

@@ -1,6 +1,7 @@
 //! Springs as force emitters.
 
 use crate::batch::{Connections, firsts_of_pairs};
+use crate::matrix::times;
 use crate::{Evaluation, ForceEmitter, Linearization, Numbering, PACKED, Projection};
 use nalgebra::Vector3;
 use springs_math::{Separation, spring};
@@ -259,15 +260,49 @@ impl Springs {
         self.connections.add_to_ends(&self.stiffness, sums);
     }
 
-    /// Power, in W, that the anchors have to give to move against the springs.
-    pub(crate) fn anchor_power(
-        &self,
-        x: &[Vector3<f64>],
-        v: &[Vector3<f64>],
-        n_free: usize,
-    ) -> f64 {
-        self.connections
-            .anchor_power(v, n_free, |index| self.force(index, x))
+    /// Power, in W, that anchors give to move against their springs to free
+    /// nodes: Σ f·v, where f is the force on the free node and v the velocity of
+    /// the anchor.
+    pub fn anchor_power(&self, x: &[Vector3<f64>], v: &[Vector3<f64>]) -> f64 {
+        let power = |index| -> f64 { self.force(index, x).dot(&self.connections.second(index, v)) };
+        self.connections.anchored().map(power).sum()
+    }
+
+    /// What [`Self::anchor_power`] changes by, in W, when the nodes move on by
+    /// `y`, in m, and forces change by `stiffness`·H y as linearized at `at`.
+    pub fn anchor_power_change(&self, at: &Evaluation<'_>, y: &[Vector3<f64>]) -> f64 {
+        let change = |index| -> f64 {
+            let force = times(
+                &self.block(index, at),
+                &self.connections.difference(index, y),
+            );
+            force.dot(&self.connections.second(index, at.v))
+        };
+        let sum: f64 = self.connections.anchored().map(change).sum();
+        at.weights.stiffness * sum
+    }
+
+    /// Work, in J, that moving anchors do on the springs between them when they
+    /// go from `start` to `end`: Σ (T₀ + T₁)/2·(l₁ − l₀), the exact change of the
+    /// energy of these springs.
+    pub fn work_between_fixed(&self, start: &[Vector3<f64>], end: &[Vector3<f64>]) -> f64 {
+        let work = |index| {
+            let [before, after] = [start, end].map(|x| self.connections.difference(index, x));
+            let [(t0, l0), (t1, l1)] = [start, end].map(|x| self.tension_and_length(index, x));
+            // l₁² − l₀² over l₁ + l₀, without the rounding of a difference of lengths.
+            let stretch =
+                (after - before).dot(&(after + before)) / (l0 + l1).max(f64::MIN_POSITIVE);
+            0.5 * (t0 + t1) * stretch
+        };
+        self.connections.between_fixed().map(work).sum()
+    }
+
+    /// The block of a spring as linearized at `at`, without weight.
+    fn block(&self, index: usize, at: &Evaluation<'_>) -> [f64; 6] {
+        let dx = self.connections.difference(index, at.x);
+        let given = at.tensions.map(|tensions| tensions[index]);
+        let project = |across| at.projection.apply(across);
+        spring::linearize(self.material(index), given, &dx, project).1
     }
 }
 
@@ -310,11 +345,8 @@ impl ForceEmitter for Springs {
     }
 
     fn add_products(&self, at: &Evaluation<'_>, y: &[Vector3<f64>], products: &mut [Vector3<f64>]) {
-        let project = |across| at.projection.apply(across);
         for index in self.connections.live() {
-            let dx = self.connections.difference(index, at.x);
-            let given = at.tensions.map(|tensions| tensions[index]);
-            let (_, block) = spring::linearize(self.material(index), given, &dx, project);
+            let block = self.block(index, at);
             self.connections
                 .add_product(index, &block, at.weights.stiffness, y, products);
         }

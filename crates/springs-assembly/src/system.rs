@@ -275,14 +275,20 @@ impl System {
         (kinetic.sum(), self.batches.gravity.energy(x))
     }
 
-    /// Power, in W, that moving anchors give to the system.
+    /// Whether any of the velocities `v` of fixed blocks is not zero.
+    pub fn any_anchor_moves(&self, v: &[Vector3<f64>]) -> bool {
+        v[self.n_free()..].iter().any(|v| *v != Vector3::zeros())
+    }
+
+    /// Power, in W, that moving anchors give to what joins them to free nodes.
+    /// What they do between each other is [`Springs::work_between_fixed`] and
+    /// [`Dashpots::heat_between_fixed`].
     pub fn anchor_power(&self, x: &[Vector3<f64>], v: &[Vector3<f64>]) -> f64 {
-        let n_free = self.n_free();
-        if v[n_free..].iter().all(|v| *v == Vector3::zeros()) {
-            return 0.0;
+        if self.any_anchor_moves(v) {
+            self.batches.springs.anchor_power(x, v) + self.batches.dashpots.anchor_power(x, v)
+        } else {
+            0.0
         }
-        self.batches.springs.anchor_power(x, v, n_free)
-            + self.batches.dashpots.anchor_power(x, v, n_free)
     }
 
     /// A bound on the angular frequency of every motion in every

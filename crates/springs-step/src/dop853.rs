@@ -2,7 +2,9 @@
 
 use crate::method::time_scale;
 use crate::work::timed;
-use crate::{Anchors, ErrorEstimate, HiddenState, Interval, Method, MethodError, State, Work};
+use crate::{
+    Anchors, ErrorEstimate, Flows, HiddenState, Interval, Method, MethodError, State, Work,
+};
 use nalgebra::Vector3;
 use springs_assembly::System;
 
@@ -23,6 +25,8 @@ pub struct Dop853 {
     last_acceleration: Vec<Vector3<f64>>,
     stage: State,
     acceleration_is_known: bool,
+    /// Heat and work, integrated like positions and velocities.
+    flows: Flows,
 }
 
 impl Dop853 {
@@ -35,6 +39,7 @@ impl Dop853 {
             last_acceleration: free,
             stage: State::initial(system),
             acceleration_is_known: false,
+            flows: Flows::default(),
         }
     }
 
@@ -74,6 +79,14 @@ impl Dop853 {
     }
 }
 
+/// What a stage at a state adds to the flows of a step.
+fn flows_of(stage: usize, h: f64, system: &System, state: &State) -> Flows {
+    match B.iter().find(|(index, _)| *index == stage) {
+        Some((_, weight)) => Flows::powers(system, &state.x, &state.v).times(weight * h),
+        None => Flows::default(),
+    }
+}
+
 fn accelerate(system: &System, state: &State, accelerations: &mut [Vector3<f64>], work: &mut Work) {
     timed(&mut work.phases.assembly, || {
         system.accelerations(&state.x, &state.v, accelerations);
@@ -107,6 +120,7 @@ impl Method for Dop853 {
                 .copy_from_slice(&self.accelerations[0]);
             self.acceleration_is_known = true;
         }
+        self.flows = flows_of(0, h, system, state);
         self.velocities[0].copy_from_slice(&state.v);
         self.stage.v[n_free..].copy_from_slice(&state.v[n_free..]);
         for stage in 1..STAGES {
@@ -120,6 +134,7 @@ impl Method for Dop853 {
             self.stage.x[n_free..].copy_from_slice(&state.x[n_free..]);
             anchors.place(time, &mut self.stage.x);
             accelerate(system, &self.stage, &mut self.accelerations[stage], work);
+            self.flows += flows_of(stage, h, system, &self.stage);
         }
         let mut speed: f64 = 0.0;
         let mut change: f64 = 0.0;
@@ -147,6 +162,10 @@ impl Method for Dop853 {
 
     fn accept(&mut self) {
         self.acceleration_is_known = false;
+    }
+
+    fn flows(&self) -> Option<Flows> {
+        Some(self.flows)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::stage::largest;
 use crate::{
-    Anchors, ErrorEstimate, HiddenState, Interval, Method, MethodError, Quadrature, State, Work,
+    Anchors, ErrorEstimate, Flows, HiddenState, Interval, Method, MethodError, State, Work,
 };
 use nalgebra::Vector3;
 use springs_assembly::System;
@@ -22,6 +22,8 @@ pub struct Doubling {
     error_of_positions: f64,
     block: usize,
     step_size: f64,
+    /// Of both halves.
+    flows: Option<Flows>,
 }
 
 impl Doubling {
@@ -35,6 +37,7 @@ impl Doubling {
             error_of_positions: 0.0,
             block: 0,
             step_size: 0.0,
+            flows: None,
         }
     }
 
@@ -90,9 +93,11 @@ impl Method for Doubling {
             size: 0.5 * h,
         };
         self.method.step(system, anchors, first, state, work)?;
+        let flows = self.method.flows();
         self.method.accept();
         self.is_fresh = false;
         self.method.step(system, anchors, second, state, work)?;
+        self.flows = flows.zip(self.method.flows()).map(|(a, b)| a + b);
 
         let scale = 1.0 / (2f64.powi(self.order() as i32) - 1.0);
         let mut error = 0.0;
@@ -132,7 +137,7 @@ impl Method for Doubling {
         self.is_fresh = true;
     }
 
-    fn quadrature(&self) -> Quadrature {
-        self.method.quadrature()
+    fn flows(&self) -> Option<Flows> {
+        self.flows
     }
 }

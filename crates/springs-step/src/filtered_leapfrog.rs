@@ -1,7 +1,10 @@
 //! Filtered leapfrog: Verlet with kicks that pass through a stiffness matrix.
 
+use crate::flows::Impulses;
 use crate::linear::{Hessian, LinearSystem, Linearized, OnDemand, Purpose};
-use crate::{Anchors, ErrorEstimate, HiddenState, Interval, Method, MethodError, State, Work};
+use crate::{
+    Anchors, ErrorEstimate, Flows, HiddenState, Interval, Method, MethodError, State, Work,
+};
 use nalgebra::Vector3;
 use springs_assembly::{Evaluation, ForceEmitter as _, Projection, System, Weights};
 
@@ -27,6 +30,11 @@ pub struct FilteredLeapfrog {
     next_tensions: Vec<f64>,
     /// Step size of the filter of the accelerations; zero before the start.
     filtered_for: f64,
+    /// Power, in W, of anchors against the filtered forces of springs.
+    anchor_power: f64,
+    next_anchor_power: f64,
+    impulses: Impulses,
+    flows: Flows,
 }
 
 const ALPHA: f64 = 0.3;
@@ -46,6 +54,10 @@ impl FilteredLeapfrog {
             tensions: vec![0.0; system.springs().len()],
             next_tensions: vec![0.0; system.springs().len()],
             filtered_for: 0.0,
+            anchor_power: 0.0,
+            next_anchor_power: 0.0,
+            impulses: Impulses::new(system),
+            flows: Flows::default(),
         })
     }
 
@@ -73,7 +85,7 @@ impl FilteredLeapfrog {
             weights,
         };
         work.counts.force_evaluations += 1;
-        self.linear.linearize_and_solve(
+        let taken = self.linear.linearize_and_solve(
             system,
             Linearized {
                 at,
@@ -88,6 +100,12 @@ impl FilteredLeapfrog {
             &mut self.next_accelerations[..system.n_free()],
             work,
         )?;
+        if system.any_anchor_moves(&state.v) {
+            // The force that acts is the filtered one, f − αh²S a.
+            let springs = system.springs();
+            let change = springs.anchor_power_change(&taken, &self.next_accelerations);
+            self.next_anchor_power = springs.anchor_power(&state.x, &state.v) + change;
+        }
         // What the filter leaves of the tension.
         system.springs().predict_tensions(
             &state.x,
@@ -129,6 +147,9 @@ impl Method for FilteredLeapfrog {
             self.filtered_for = h;
         }
         self.next_tensions.copy_from_slice(&self.tensions);
+        self.impulses.begin(system, &state.v);
+        self.impulses
+            .add_dashpots(system, 0.5 * h, &state.x, &state.v);
         let moving = state.x.iter_mut().zip(&mut state.v).take(system.n_free());
         for ((x, v), a) in moving.zip(&self.accelerations) {
             *v += a * (0.5 * h);
@@ -139,12 +160,21 @@ impl Method for FilteredLeapfrog {
         for (v, a) in state.v.iter_mut().zip(&self.next_accelerations) {
             *v += a * (0.5 * h);
         }
+        // With D a in their matrix, dashpots act with the new velocities.
+        self.impulses
+            .add_dashpots(system, 0.5 * h, &state.x, &state.v);
+        if self.impulses.anchors_move() {
+            let power = self.anchor_power + self.next_anchor_power;
+            self.impulses.add_spring_work(0.5 * h * power);
+        }
+        self.flows = self.impulses.flows(system, &state.v);
         Ok(None)
     }
 
     fn visit(&mut self, state: &mut HiddenState) {
         self.linear.visit(state);
         state.real(&mut self.filtered_for);
+        state.real(&mut self.anchor_power);
         state.vectors(&mut self.accelerations);
         state.reals(&mut self.tensions);
     }
@@ -152,5 +182,10 @@ impl Method for FilteredLeapfrog {
     fn accept(&mut self) {
         std::mem::swap(&mut self.accelerations, &mut self.next_accelerations);
         std::mem::swap(&mut self.tensions, &mut self.next_tensions);
+        self.anchor_power = self.next_anchor_power;
+    }
+
+    fn flows(&self) -> Option<Flows> {
+        Some(self.flows)
     }
 }

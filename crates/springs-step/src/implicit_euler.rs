@@ -1,8 +1,9 @@
 //! Implicit Euler, converged.
 
+use crate::flows::Impulses;
 use crate::stage::{Stage, StageProblem, Tensions, momenta_of};
 use crate::{
-    Anchors, ErrorEstimate, HiddenState, Interval, Method, MethodError, Quadrature, State, Work,
+    Anchors, ErrorEstimate, Flows, HiddenState, Interval, Method, MethodError, State, Work,
 };
 use nalgebra::Vector3;
 use springs_assembly::System;
@@ -16,6 +17,8 @@ pub struct ImplicitEuler {
     stage: Stage,
     momenta: Vec<Vector3<f64>>,
     tensions: Tensions,
+    impulses: Impulses,
+    flows: Flows,
 }
 
 impl ImplicitEuler {
@@ -29,6 +32,8 @@ impl ImplicitEuler {
             stage: Stage::new(system)?,
             momenta: vec![Vector3::zeros(); system.n_free()],
             tensions: Tensions::new(system),
+            impulses: Impulses::new(system),
+            flows: Flows::default(),
         })
     }
 }
@@ -56,6 +61,7 @@ impl Method for ImplicitEuler {
     ) -> Result<Option<ErrorEstimate>, MethodError> {
         self.tensions.begin(system, &state.x);
         momenta_of(system, &state.v, &mut self.momenta);
+        self.impulses.begin(system, &state.v);
         anchors.place(interval.end, &mut state.x);
         let problem = StageProblem {
             c: interval.size,
@@ -64,6 +70,8 @@ impl Method for ImplicitEuler {
         };
         self.stage
             .solve(system, &problem, state, &mut self.tensions.end, work)?;
+        self.impulses.add(system, interval.size, &state.x, &state.v);
+        self.flows = self.impulses.flows(system, &state.v);
         Ok(None)
     }
 
@@ -89,7 +97,7 @@ impl Method for ImplicitEuler {
         self.tensions.accept();
     }
 
-    fn quadrature(&self) -> Quadrature {
-        Quadrature::END
+    fn flows(&self) -> Option<Flows> {
+        Some(self.flows)
     }
 }

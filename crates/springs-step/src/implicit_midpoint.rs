@@ -1,7 +1,10 @@
 //! Implicit midpoint, converged.
 
+use crate::flows::Impulses;
 use crate::stage::{Stage, StageProblem, Tensions, momenta_of};
-use crate::{Anchors, ErrorEstimate, HiddenState, Interval, Method, MethodError, State, Work};
+use crate::{
+    Anchors, ErrorEstimate, Flows, HiddenState, Interval, Method, MethodError, State, Work,
+};
 use nalgebra::Vector3;
 use springs_assembly::System;
 use springs_solver::SolveError;
@@ -17,6 +20,8 @@ pub struct ImplicitMidpoint {
     momenta: Vec<Vector3<f64>>,
     before: State,
     tensions: Tensions,
+    impulses: Impulses,
+    flows: Flows,
 }
 
 impl ImplicitMidpoint {
@@ -31,6 +36,8 @@ impl ImplicitMidpoint {
             momenta: vec![Vector3::zeros(); system.n_free()],
             before: State::initial(system),
             tensions: Tensions::new(system),
+            impulses: Impulses::new(system),
+            flows: Flows::default(),
         })
     }
 }
@@ -60,6 +67,7 @@ impl Method for ImplicitMidpoint {
         self.before.x.copy_from_slice(&state.x);
         self.before.v.copy_from_slice(&state.v);
         momenta_of(system, &state.v, &mut self.momenta);
+        self.impulses.begin(system, &state.v);
         let half = 0.5 * interval.size;
         anchors.place(interval.start + half, &mut state.x);
         let problem = StageProblem {
@@ -69,12 +77,14 @@ impl Method for ImplicitMidpoint {
         };
         self.stage
             .solve(system, &problem, state, &mut self.tensions.end, work)?;
+        self.impulses.add(system, interval.size, &state.x, &state.v);
         // From the middle as far again.
         for block in 0..system.n_free() {
             state.x[block] = state.x[block] * 2.0 - self.before.x[block];
             state.v[block] = state.v[block] * 2.0 - self.before.v[block];
         }
         anchors.place(interval.end, &mut state.x);
+        self.flows = self.impulses.flows(system, &state.v);
         Ok(None)
     }
 
@@ -85,5 +95,9 @@ impl Method for ImplicitMidpoint {
 
     fn accept(&mut self) {
         self.tensions.accept();
+    }
+
+    fn flows(&self) -> Option<Flows> {
+        Some(self.flows)
     }
 }

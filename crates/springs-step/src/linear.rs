@@ -172,19 +172,19 @@ impl LinearSystem {
 
     /// Forces and matrix; then `fill` makes the right-hand side of them in `x`,
     /// which becomes the solution. Springs that are clamped on demand
-    /// are counted.
-    pub(crate) fn linearize_and_solve(
+    /// are counted. Gives what was linearized in the end.
+    pub(crate) fn linearize_and_solve<'a>(
         &mut self,
         system: &System,
         Linearized {
             at,
             on_demand,
             purpose,
-        }: Linearized<'_>,
+        }: Linearized<'a>,
         mut fill: impl FnMut(&mut Linearization, &mut [Vector3<f64>]),
         x: &mut [Vector3<f64>],
         work: &mut Work,
-    ) -> Result<(), MethodError> {
+    ) -> Result<Evaluation<'a>, MethodError> {
         let first = match on_demand {
             OnDemand::Clamp => Projection::None,
             OnDemand::Always => at.projection,
@@ -193,7 +193,8 @@ impl LinearSystem {
             self.linearize(system, Evaluation { projection, ..at }, work)?;
             timed(&mut work.phases.assembly, || fill(&mut self.out, x));
             let at = self.taken(Evaluation { projection, ..at });
-            self.solve_refined(system, &at, x, purpose, work)
+            self.solve_refined(system, &at, x, purpose, work)?;
+            Ok(at)
         };
         match attempt(first, work) {
             Err(_) if on_demand == OnDemand::Clamp => {

@@ -1,8 +1,9 @@
 //! Linearly implicit Euler: the step of the note, Eqs. 10–14.
 
+use crate::flows::Impulses;
 use crate::linear::{Hessian, LinearSystem, Linearized, OnDemand, Purpose};
 use crate::{
-    Anchors, ErrorEstimate, HiddenState, Interval, Method, MethodError, Quadrature, State, Work,
+    Anchors, ErrorEstimate, Flows, HiddenState, Interval, Method, MethodError, State, Work,
 };
 use nalgebra::Vector3;
 use springs_assembly::{Evaluation, Projection, System, Weights};
@@ -23,12 +24,15 @@ use springs_solver::SolveError;
 pub struct LinearlyImplicitEuler {
     tangent: Tangent,
     linear: LinearSystem,
-    /// The right-hand side, then the new velocities of the free blocks.
+    n_free: usize,
+    /// The right-hand side, then the new velocities; those of fixed blocks.
     velocities: Vec<Vector3<f64>>,
     /// Filtered tensions; only used with that tangent.
     tensions: Vec<f64>,
     next_tensions: Vec<f64>,
     tensions_are_known: bool,
+    impulses: Impulses,
+    flows: Flows,
 }
 
 impl LinearlyImplicitEuler {
@@ -49,10 +53,13 @@ impl LinearlyImplicitEuler {
         Ok(Self {
             tangent,
             linear: LinearSystem::new(system, hessian)?,
-            velocities: vec![Vector3::zeros(); system.n_free()],
+            n_free: system.n_free(),
+            velocities: vec![Vector3::zeros(); system.numbering().n_nodes()],
             tensions: vec![0.0; n_tensions],
             next_tensions: vec![0.0; n_tensions],
             tensions_are_known: false,
+            impulses: Impulses::new(system),
+            flows: Flows::default(),
         })
     }
 
@@ -65,6 +72,8 @@ impl LinearlyImplicitEuler {
         h: f64,
         work: &mut Work,
     ) -> Result<(), MethodError> {
+        let n_free = system.n_free();
+        self.velocities[n_free..].copy_from_slice(&state.v[n_free..]);
         let filtered = self.tangent == Tangent::Filtered;
         if filtered && !self.tensions_are_known {
             system.springs().tensions(&state.x, &mut self.tensions);
@@ -85,7 +94,7 @@ impl LinearlyImplicitEuler {
             weights: Weights::of_step(h),
         };
         work.counts.force_evaluations += 1;
-        self.linear.linearize_and_solve(
+        let taken = self.linear.linearize_and_solve(
             system,
             Linearized {
                 at,
@@ -99,15 +108,27 @@ impl LinearlyImplicitEuler {
                     *rhs = v * *m + f * h + load;
                 }
             },
-            &mut self.velocities,
+            &mut self.velocities[..n_free],
             work,
-        )
+        )?;
+        // The forces that act are the linearized ones, −D v' and f − hH v'.
+        self.impulses.begin(system, &state.v);
+        self.impulses
+            .add_dashpots(system, h, &state.x, &self.velocities);
+        if self.impulses.anchors_move() {
+            let springs = system.springs();
+            let work = h * springs.anchor_power(&state.x, &state.v);
+            let change = springs.anchor_power_change(&taken, &self.velocities);
+            self.impulses.add_spring_work(work + change);
+        }
+        self.flows = self.impulses.flows(system, &self.velocities);
+        Ok(())
     }
 
     /// x' = x + h v'.
-    fn position_step(&mut self, state: &mut State, h: f64) {
-        let new = self.velocities.iter();
-        for ((x, v), new) in state.x.iter_mut().zip(&mut state.v).zip(new) {
+    fn position_step(&self, state: &mut State, h: f64) {
+        let moving = state.x.iter_mut().zip(&mut state.v).zip(&self.velocities);
+        for ((x, v), new) in moving.take(self.n_free) {
             *v = *new;
             *x += new * h;
         }
@@ -115,11 +136,10 @@ impl LinearlyImplicitEuler {
 
     /// T ← K(l − l₀) + K·(the change of l that the new velocities predict),
     /// for the next step.
-    fn predict_tensions(&mut self, system: &System, state: &mut State, h: f64) {
-        state.v[..self.velocities.len()].copy_from_slice(&self.velocities);
+    fn predict_tensions(&mut self, system: &System, state: &State, h: f64) {
         system
             .springs()
-            .predict_tensions(&state.x, &state.v, h, &mut self.next_tensions);
+            .predict_tensions(&state.x, &self.velocities, h, &mut self.next_tensions);
     }
 }
 
@@ -177,7 +197,7 @@ impl Method for LinearlyImplicitEuler {
         std::mem::swap(&mut self.tensions, &mut self.next_tensions);
     }
 
-    fn quadrature(&self) -> Quadrature {
-        Quadrature::END
+    fn flows(&self) -> Option<Flows> {
+        Some(self.flows)
     }
 }

@@ -1,6 +1,6 @@
 //! What a time integration method is.
 
-use crate::{Anchors, HiddenState, MethodError, State, Work};
+use crate::{Anchors, Flows, HiddenState, MethodError, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::System;
 
@@ -13,29 +13,6 @@ pub struct Interval {
     pub end: f64,
     /// Step size h, in s, exactly as asked for.
     pub size: f64,
-}
-
-/// Weights of the powers at start and end of a step when the energy ledger
-/// integrates heat and work over it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Quadrature {
-    /// Weight at the start.
-    pub start: f64,
-    /// Weight at the end.
-    pub end: f64,
-}
-
-impl Quadrature {
-    /// The rule that backward methods use for forces.
-    pub const END: Self = Self {
-        start: 0.0,
-        end: 1.0,
-    };
-    /// The trapezoidal rule.
-    pub const TRAPEZOIDAL: Self = Self {
-        start: 0.5,
-        end: 0.5,
-    };
 }
 
 /// An estimate of the error of one step.
@@ -134,9 +111,12 @@ pub trait Method: Send {
     /// The last step stands; the next one starts at its end.
     fn accept(&mut self);
 
-    /// How the energy ledger integrates over a step.
-    fn quadrature(&self) -> Quadrature {
-        Quadrature::TRAPEZOIDAL
+    /// Heat of dashpots and work of anchors in the last step, with the weights
+    /// that the method itself gave to the forces of its stages, so that the
+    /// energy ledger closes to the method's order. `None`: the ledger takes the
+    /// trapezoidal rule over the step.
+    fn flows(&self) -> Option<Flows> {
+        None
     }
 }
 

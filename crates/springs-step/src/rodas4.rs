@@ -4,7 +4,9 @@ use crate::linear::{Hessian, LinearSystem, Purpose};
 use crate::method::time_scale;
 use crate::stage::largest;
 use crate::work::timed;
-use crate::{Anchors, ErrorEstimate, HiddenState, Interval, Method, MethodError, State, Work};
+use crate::{
+    Anchors, ErrorEstimate, Flows, HiddenState, Interval, Method, MethodError, State, Work,
+};
 use nalgebra::Vector3;
 use springs_assembly::{Evaluation, Projection, System, Weights};
 use springs_solver::SolveError;
@@ -26,10 +28,13 @@ pub struct Rodas4 {
     forces: Vec<Vector3<f64>>,
     /// ∂f/∂t by moving anchors, in N/s.
     drift: Vec<Vector3<f64>>,
+    /// Work of the anchors in the last step, in J: one more unknown.
+    anchor_work: f64,
 }
 
 #[derive(Clone)]
 struct Slopes {
+    /// All blocks; zero for the fixed ones.
     x: Vec<Vector3<f64>>,
     v: Vec<Vector3<f64>>,
 }
@@ -81,7 +86,7 @@ impl Rodas4 {
     pub fn new(system: &System) -> Result<Self, SolveError> {
         let zeros = vec![Vector3::zeros(); system.n_free()];
         let slopes = Slopes {
-            x: zeros.clone(),
+            x: vec![Vector3::zeros(); system.numbering().n_nodes()],
             v: zeros.clone(),
         };
         Ok(Self {
@@ -90,6 +95,7 @@ impl Rodas4 {
             stage: State::initial(system),
             forces: zeros.clone(),
             drift: zeros,
+            anchor_work: 0.0,
         })
     }
 
@@ -128,6 +134,12 @@ impl Rodas4 {
         }
         Ok(())
     }
+}
+
+/// Σ weight·u over the earlier stages.
+fn weighted(weights: &[f64], values: &[f64]) -> f64 {
+    let products = weights.iter().zip(values).map(|(weight, u)| weight * u);
+    products.sum()
 }
 
 impl Method for Rodas4 {
@@ -170,6 +182,20 @@ impl Method for Rodas4 {
             *drift = load / (c * c);
         }
         self.stage.v.copy_from_slice(&state.v);
+        let springs = system.springs();
+        let anchors_move = system.any_anchor_moves(&state.v);
+        let change_at = Evaluation {
+            weights: Weights::STIFFNESS,
+            ..at
+        };
+        // The power of the anchors changes with their own way, and with u.
+        let mut power_drift = 0.0;
+        if anchors_move {
+            self.stage.x[..n_free].fill(Vector3::zeros());
+            self.stage.x[n_free..].copy_from_slice(&state.v[n_free..]);
+            power_drift = springs.anchor_power_change(&change_at, &self.stage.x);
+        }
+        let mut works = [0.0; STAGES];
         for stage in 0..STAGES {
             for block in 0..n_free {
                 let (dx, dv) = self.sum(A[stage], block);
@@ -189,7 +215,14 @@ impl Method for Rodas4 {
                 self.stages[stage].v[block] = force / system.masses()[block] + cv / h;
             }
             self.solve(system, stage, h, work)?;
+            if anchors_move {
+                let known = weighted(C[stage], &works) / h + GAMMAS[stage] * h * power_drift;
+                let power = springs.anchor_power(&self.stage.x, &self.stage.v);
+                let change = springs.anchor_power_change(&change_at, &self.stages[stage].x);
+                works[stage] = c * (power + change + known);
+            }
         }
+        self.anchor_work = weighted(A[STAGES - 1], &works) + works[STAGES - 1];
         // The last stage was evaluated at the embedded result; its u leads on
         // to the result, and is the estimate of the error.
         let (mut speed, mut change) = (0f64, 0f64);
@@ -216,4 +249,11 @@ impl Method for Rodas4 {
     }
 
     fn accept(&mut self) {}
+
+    fn flows(&self) -> Option<Flows> {
+        Some(Flows {
+            dashpot_heat: 0.0,
+            anchor_work: self.anchor_work,
+        })
+    }
 }

@@ -469,9 +469,7 @@ impl Simulation {
 
     /// Enters a step that stands into the ledger.
     fn record(&mut self, interval: Interval) {
-        let (system, state) = (self.stepper.system(), self.stepper.state());
-        let quadrature = self.stepper.method().quadrature();
-        self.ledger.record(system, state, interval, quadrature);
+        self.ledger.record(self.stepper.flows(interval));
     }
 
     /// Makes a step that failed as a whole in shorter ones, if that is allowed.

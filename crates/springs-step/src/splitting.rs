@@ -1,8 +1,11 @@
 //! Explicit kick–drift–kick methods: velocity Verlet and the compositions of
 //! Blanes and Moan.
 
+use crate::flows::Impulses;
 use crate::work::timed;
-use crate::{Anchors, ErrorEstimate, HiddenState, Interval, Method, MethodError, State, Work};
+use crate::{
+    Anchors, ErrorEstimate, Flows, HiddenState, Interval, Method, MethodError, State, Work,
+};
 use nalgebra::Vector3;
 use springs_assembly::System;
 
@@ -18,9 +21,13 @@ pub struct Splitting {
     drifts: Vec<f64>,
     accelerations: Vec<Vector3<f64>>,
     next_accelerations: Vec<Vector3<f64>>,
-    /// Velocities that forces see.
+    /// Velocities that the dashpots see, now and at the start of the step; empty
+    /// without dashpots.
     seen: Vec<Vector3<f64>>,
+    seen_at_start: Vec<Vector3<f64>>,
     accelerations_are_known: bool,
+    impulses: Impulses,
+    flows: Flows,
 }
 
 impl Splitting {
@@ -85,14 +92,22 @@ impl Splitting {
             let mirrored = half.iter().rev().skip(usize::from(shared));
             half.iter().chain(mirrored).copied().collect()
         };
+        let seen = if system.dashpots().is_empty() {
+            Vec::new()
+        } else {
+            system.initial_velocities().to_vec()
+        };
         Self {
             order,
             kicks: mirror(kicks, !middle_is_drift),
             drifts: mirror(drifts, middle_is_drift),
             accelerations: vec![Vector3::zeros(); system.n_free()],
             next_accelerations: vec![Vector3::zeros(); system.n_free()],
-            seen: system.initial_velocities().to_vec(),
+            seen_at_start: seen.clone(),
+            seen,
             accelerations_are_known: false,
+            impulses: Impulses::new(system),
+            flows: Flows::default(),
         }
     }
 
@@ -128,14 +143,24 @@ impl Method for Splitting {
         work: &mut Work,
     ) -> Result<Option<ErrorEstimate>, MethodError> {
         let h = interval.size;
+        let is_damped = !system.dashpots().is_empty();
         if !self.accelerations_are_known {
             Self::accelerate(system, &state.x, &state.v, &mut self.accelerations, work);
             self.accelerations_are_known = true;
+            if is_damped {
+                self.seen_at_start.copy_from_slice(&state.v);
+            }
         }
-        let is_damped = !system.dashpots().is_empty();
+        self.impulses.begin(system, &state.v);
         if is_damped {
             self.seen.copy_from_slice(&state.v);
         }
+        let seen = if is_damped {
+            &self.seen_at_start
+        } else {
+            &state.v
+        };
+        self.impulses.add(system, self.kicks[0] * h, &state.x, seen);
         let (start, next) = (&self.accelerations, &mut self.next_accelerations);
         let mut elapsed = 0.0;
         for (stage, drift) in self.drifts.iter().enumerate() {
@@ -162,20 +187,28 @@ impl Method for Splitting {
             anchors.place(time, &mut state.x);
             let seen = if is_damped { &self.seen } else { &state.v };
             Self::accelerate(system, &state.x, seen, next, work);
+            self.impulses.add(system, next_kick, &state.x, seen);
         }
         let last_kick = self.kicks[self.drifts.len()] * h;
         for (v, a) in state.v.iter_mut().zip(&self.next_accelerations) {
             *v += a * last_kick;
         }
+        self.flows = self.impulses.flows(system, &state.v);
         Ok(None)
     }
 
     fn visit(&mut self, state: &mut HiddenState) {
         state.flag(&mut self.accelerations_are_known);
         state.vectors(&mut self.accelerations);
+        state.vectors(&mut self.seen_at_start);
     }
 
     fn accept(&mut self) {
         std::mem::swap(&mut self.accelerations, &mut self.next_accelerations);
+        std::mem::swap(&mut self.seen_at_start, &mut self.seen);
+    }
+
+    fn flows(&self) -> Option<Flows> {
+        Some(self.flows)
     }
 }

@@ -3,8 +3,8 @@
 use crate::choose::start;
 use crate::stage::largest;
 use crate::{
-    Anchors, Cause, ErrorEstimate, HiddenState, Interval, Method, NodeStates, SetupError, State,
-    StepError, Suspect, Work,
+    Anchors, Cause, ErrorEstimate, Flows, HiddenState, Interval, Method, NodeStates, SetupError,
+    State, StepError, Suspect, Work,
 };
 use springs_assembly::{System, compile};
 use springs_scene::Scene;
@@ -195,6 +195,16 @@ impl Stepper {
                 Err(self.error(cause, block, interval))
             }
         }
+    }
+
+    /// What dashpots and moving anchors took and gave in the last step.
+    pub(crate) fn flows(&self, interval: Interval) -> Flows {
+        let (system, before, after) = (&self.system, &self.before, &self.state);
+        let flows = self
+            .method
+            .flows()
+            .unwrap_or_else(|| Flows::trapezoidal(system, before, after, interval));
+        flows + Flows::between_fixed(system, &before.x, after, interval.size)
     }
 
     /// A sharper estimate of the error of the attempted step, if there is one.

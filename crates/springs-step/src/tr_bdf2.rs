@@ -1,8 +1,11 @@
 //! TR-BDF2: a trapezoidal stage, then a backward difference stage.
 
+use crate::flows::Impulses;
 use crate::method::{LONGEST_TIME_SCALE, time_scale};
 use crate::stage::{Stage, StageProblem, Tensions, largest};
-use crate::{Anchors, ErrorEstimate, HiddenState, Interval, Method, MethodError, State, Work};
+use crate::{
+    Anchors, ErrorEstimate, Flows, HiddenState, Interval, Method, MethodError, State, Work,
+};
 use nalgebra::Vector3;
 use springs_assembly::System;
 use springs_solver::SolveError;
@@ -36,7 +39,13 @@ pub struct TrBdf2 {
     errors: Vec<Vector3<f64>>,
     step_size: f64,
     time_scale: f64,
+    impulses: Impulses,
+    flows: Flows,
 }
+
+/// The weight of the forces at start and middle in a step; that of the end is
+/// [`D`].
+const START_AND_MIDDLE: f64 = 0.25 * std::f64::consts::SQRT_2;
 
 /// The error per time is proportional to h².
 const EXPONENT: f64 = 2.0;
@@ -60,6 +69,8 @@ impl TrBdf2 {
             forces: [zeros.clone(), zeros.clone(), zeros],
             forces_are_known: false,
             tensions: Tensions::new(system),
+            impulses: Impulses::new(system),
+            flows: Flows::default(),
             accuracy: None,
         })
     }
@@ -132,6 +143,9 @@ impl Method for TrBdf2 {
         }
         self.before.x.copy_from_slice(&state.x);
         self.before.v.copy_from_slice(&state.v);
+        let weight = START_AND_MIDDLE * h;
+        self.impulses.begin(system, &state.v);
+        self.impulses.add(system, weight, &state.x, &state.v);
 
         // Trapezoidal to t + γh: v_γ = v + ½γh(a + a_γ), x_γ likewise.
         for block in 0..n_free {
@@ -143,6 +157,7 @@ impl Method for TrBdf2 {
         self.solve(system, c, state, 1, work)?;
         self.middle.x.copy_from_slice(&state.x);
         self.middle.v.copy_from_slice(&state.v);
+        self.impulses.add(system, weight, &state.x, &state.v);
 
         // Backward difference through t and t + γh.
         let (near, far) = (
@@ -156,6 +171,8 @@ impl Method for TrBdf2 {
         }
         anchors.place(interval.end, &mut state.x);
         self.solve(system, c, state, 2, work)?;
+        self.impulses.add(system, c, &state.x, &state.v);
+        self.flows = self.impulses.flows(system, &state.v);
 
         let [start, middle, end] = &self.forces;
         let differences = start.iter().zip(middle).zip(end);
@@ -217,5 +234,9 @@ impl Method for TrBdf2 {
     fn accept(&mut self) {
         self.tensions.accept();
         self.forces.swap(0, 2);
+    }
+
+    fn flows(&self) -> Option<Flows> {
+        Some(self.flows)
     }
 }
