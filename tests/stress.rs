@@ -232,6 +232,41 @@ fn a_massless_node_that_springs_do_not_hold_is_named() {
     assert_eq!((error.node, error.cause), (1, Cause::NotPositiveDefinite));
 }
 
+/// Between two springs in line and at rest, in whichever direction they lie: not
+/// where rounding happens to leave something above zero.
+#[test]
+fn a_massless_node_in_a_line_is_named_in_every_direction() {
+    for [x, y, z] in [
+        [1.0, 1.0, 1.0],
+        [1.0, 2.0, 3.0],
+        [0.3, -0.7, 0.1],
+        [0.0, 0.0, 1.0],
+    ] {
+        for n in [[x, y, z], [-y, x, z], [z, y, -x], [x, -z, y]].map(Vector3::from) {
+            for h in [1e-3, 1e-2, 1.0 / 60.0, 0.1] {
+                let mut scene = Scene::default();
+                for (k, position) in [Vector3::zeros(), n, 2.0 * n, 2.0 * n + Vector3::z()]
+                    .into_iter()
+                    .enumerate()
+                {
+                    let mut node = Node::at(position);
+                    node.fixed = k == 0;
+                    node.mass = if k > 1 { 1.0 } else { 0.0 };
+                    scene.add_node(node);
+                }
+                scene.nodes[2].velocity = Vector3::new(0.3, -0.2, 1.0);
+                for k in 0..3 {
+                    scene.add_spring(k, k + 1, 1000.0);
+                }
+                let scene = with(&scene, Method::LinearlyImplicitEuler, None, h);
+                let error = run(&scene).expect("not refused").unwrap_err();
+                let found = (error.node, error.step, error.cause);
+                assert_eq!(found, (1, 1, Cause::NotPositiveDefinite), "{n:?}, {h} s");
+            }
+        }
+    }
+}
+
 /// Turned, renumbered, shifted, and measured in other units, a scene does the
 /// same.
 #[test]

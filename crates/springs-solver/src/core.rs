@@ -46,7 +46,7 @@ impl<const D: usize, const P: usize> Core<D, P> {
         let direct = Direct::<D, P>::new(n_blocks, pairs, options)?;
         let chooser = Chooser::new(n_blocks, pairs.len(), &direct, options.route);
         let iterative = match chooser.may_iterate() || chooser.may_mix() {
-            true => Some(Iterative::new(n_blocks, pairs, &chooser, options.threads)?),
+            true => Some(Iterative::new(n_blocks, pairs, &chooser, options)?),
             false => None,
         };
         Ok(Self {
@@ -239,14 +239,14 @@ impl<const D: usize, const P: usize> Iterative<D, P> {
         n_blocks: usize,
         pairs: &[[u32; 2]],
         chooser: &Chooser,
-        threads: usize,
+        options: Options<'_>,
     ) -> Result<Self, SolveError> {
         Ok(Self {
             matrix: Rows::new(n_blocks, pairs),
             gradients: ConjugateGradients::new(n_blocks),
             solution: vec![[0.0; D]; n_blocks],
             multilevel: match chooser.may_iterate() {
-                true => Some(Multilevel::new(n_blocks, pairs, threads)?),
+                true => Some(Multilevel::new(n_blocks, pairs, options)?),
                 false => None,
             },
         })

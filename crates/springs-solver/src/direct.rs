@@ -1,6 +1,7 @@
 //! Direct solution: one order of elimination, and factors that share it.
 
 use crate::SolveError;
+use crate::block::Rounding;
 use crate::dissection::nested_dissection;
 use crate::fronts::{Elimination, Fronts};
 use crate::graph::minimum_degree;
@@ -18,6 +19,7 @@ pub(crate) struct Direct<const D: usize, const P: usize> {
     n_pairs: usize,
     fronts: Fronts,
     threads: usize,
+    rounding: Rounding,
     size: FactorSize,
     /// In place of all others where there is no fill.
     tree: Option<Tree<D, P>>,
@@ -43,6 +45,7 @@ impl<const D: usize, const P: usize> Direct<D, P> {
         let fronts = Fronts::new(&elimination);
         Ok(Self {
             threads: options.threads,
+            rounding: Rounding::of(options.subspace),
             n_pairs: pairs.len(),
             tree: Tree::new(&elimination),
             size: elimination.size(D),
@@ -102,7 +105,7 @@ impl<const D: usize, const P: usize> Direct<D, P> {
         off_diagonal: &[[f64; P]],
     ) -> Result<(), SolveError> {
         if let Some(tree) = &mut self.tree {
-            let done = tree.factorize(diagonal, off_diagonal);
+            let done = tree.factorize(diagonal, off_diagonal, self.rounding);
             return done.map_err(|failure| self.not_positive(failure.column));
         }
         let n_blocks = self.n_blocks();
@@ -126,7 +129,9 @@ impl<const D: usize, const P: usize> Direct<D, P> {
 
     fn factorize_blocks(&mut self) -> Result<(), SolveError> {
         let double = self.double.as_mut().expect("allocated");
-        let done = double.factor.factorize(&self.fronts, &double.blocks);
+        let done = double
+            .factor
+            .factorize(&self.fronts, &double.blocks, self.rounding);
         done.map_err(|failure| self.not_positive(failure.column))
     }
 
@@ -151,7 +156,7 @@ impl<const D: usize, const P: usize> Direct<D, P> {
             self.single = Some(single.ok_or(self.too_large())?);
         }
         let single = self.single.as_mut().expect("allocated");
-        let done = single.factorize(&self.fronts, matrix);
+        let done = single.factorize(&self.fronts, matrix, self.rounding);
         done.map_err(|failure| self.not_positive(failure.column))
     }
 

@@ -1,6 +1,6 @@
 //! Numeric factorization and solution on fronts.
 
-use crate::block::{dot, rows};
+use crate::block::{PIVOT_ROUNDING, Rounding, dot, rows};
 use crate::fronts::Fronts;
 use crate::sharing::{in_turns, largest_first, work_off};
 use crate::substitution::Substitution;
@@ -33,12 +33,16 @@ pub(crate) trait Real:
     + SubAssign
     + MulAssign
 {
+    const EPSILON: Self;
+
     fn of(value: f64) -> Self;
 
     fn root(self) -> Self;
 }
 
 impl Real for f32 {
+    const EPSILON: Self = Self::EPSILON;
+
     fn of(value: f64) -> Self {
         value as f32
     }
@@ -49,6 +53,8 @@ impl Real for f32 {
 }
 
 impl Real for f64 {
+    const EPSILON: Self = Self::EPSILON;
+
     fn of(value: f64) -> Self {
         value
     }
@@ -72,6 +78,8 @@ pub(crate) struct Multifrontal<T, const D: usize, const P: usize> {
 struct Desk<T> {
     /// Update of the front at work.
     update: Vec<T>,
+    /// Errors of its diagonal entries.
+    errors: Vec<T>,
     memory: MemBuffer,
 }
 
@@ -170,7 +178,7 @@ impl Layout {
     /// Entries of the factor and of all workspace.
     pub(crate) fn total_size(&self, threads: usize) -> usize {
         let stacks: usize = self.stack_sizes.iter().sum();
-        self.factor_size() + stacks + threads.max(1) * self.largest_update
+        self.factor_size() + stacks + threads.max(1) * (self.largest_update + self.widest)
     }
 }
 
@@ -187,6 +195,7 @@ impl<T: Real, const D: usize, const P: usize> Multifrontal<T, D, P> {
         for _ in 0..threads.max(1) {
             desks.push(Desk {
                 update: zeros(layout.largest_update)?,
+                errors: zeros(layout.widest)?,
                 memory: MemBuffer::try_new(scratch).ok()?,
             });
         }
@@ -208,6 +217,7 @@ impl<T: Real, const D: usize, const P: usize> Multifrontal<T, D, P> {
         &mut self,
         fronts: &Fronts,
         blocks: &[[T; P]],
+        rounding: Rounding,
     ) -> Result<(), NotPositive> {
         let layout = &self.layout;
         let threads = match layout.flops > WORTH_A_THREAD {
@@ -219,6 +229,7 @@ impl<T: Real, const D: usize, const P: usize> Multifrontal<T, D, P> {
         let within = Within::<T, D, P> {
             fronts,
             blocks,
+            rounding,
             panel_starts,
             update_starts,
         };
@@ -268,7 +279,7 @@ impl<T: Real, const D: usize, const P: usize> Multifrontal<T, D, P> {
         let top_stack = &mut top_stack[0];
         for &front in &layout.top {
             let panel = &mut self.factor[panel_starts[front]..panel_starts[front + 1]];
-            eliminate::<T, D, P>(fronts, front, blocks, panel, (my_desk, threads), |child| {
+            within.eliminate(front, panel, (my_desk, threads), |child| {
                 let stack = match task_of(child) {
                     Some(task) => &stacks[task],
                     None => &*top_stack,
@@ -329,6 +340,7 @@ fn split(fronts: &Fronts) -> (Vec<Range<usize>>, Vec<usize>) {
 struct Within<'a, T, const D: usize, const P: usize> {
     fronts: &'a Fronts,
     blocks: &'a [[T; P]],
+    rounding: Rounding,
     panel_starts: &'a [usize],
     update_starts: &'a [usize],
 }
@@ -350,73 +362,91 @@ impl<T: Real, const D: usize, const P: usize> Within<'_, T, D, P> {
                 &stack[start..start + update_size(fronts, child, D)]
             };
             let panel = &mut panels[starts[front] - base..starts[front + 1] - base];
-            eliminate::<T, D, P>(fronts, front, self.blocks, panel, (desk, 1), child_update)?;
+            self.eliminate(front, panel, (desk, 1), child_update)?;
             let (start, size) = (self.update_starts[front], update_size(fronts, front, D));
             stack[start..start + size].copy_from_slice(&desk.update[..size]);
         }
         Ok(())
     }
-}
 
-/// Assembles and eliminates one front: its columns of the factor go into
-/// `panel`, what they leave for the parent into the update of the desk.
-fn eliminate<'a, T: Real + 'a, const D: usize, const P: usize>(
-    fronts: &Fronts,
-    front: usize,
-    blocks: &[[T; P]],
-    panel: &mut [T],
-    (desk, threads): (&mut Desk<T>, usize),
-    child_update: impl Fn(usize) -> &'a [T],
-) -> Result<(), NotPositive> {
-    let (columns, below) = (D * fronts.n_columns(front), D * fronts.rows(front).len());
-    let update = &mut desk.update[..below * below];
-    let is_small = columns < FEW_COLUMNS || columns + below < FEW_ROWS;
-    let result = pulp::Arch::new().dispatch(
-        #[inline(always)]
-        || {
-            assemble::<T, D, P>(fronts, front, blocks, panel, update, &child_update);
-            match is_small {
-                true => eliminate_columns::<T, D>(columns, panel, update),
-                false => Ok(()),
+    /// Assembles and eliminates one front: its columns of the factor go into
+    /// `panel`, what they leave for the parent into the update of the desk.
+    fn eliminate<'a>(
+        &self,
+        front: usize,
+        panel: &mut [T],
+        (desk, threads): (&mut Desk<T>, usize),
+        child_update: impl Fn(usize) -> &'a [T],
+    ) -> Result<(), NotPositive>
+    where
+        T: 'a,
+    {
+        let fronts = self.fronts;
+        let (columns, below) = (D * fronts.n_columns(front), D * fronts.rows(front).len());
+        let update = &mut desk.update[..below * below];
+        let errors = &mut desk.errors[..columns];
+        let is_small = columns < FEW_COLUMNS || columns + below < FEW_ROWS;
+        let result = pulp::Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                self.assemble(front, panel, update, errors);
+                for &child in fronts.children(front) {
+                    let child = child as usize;
+                    self.add_update(child, child_update(child), front, panel, update);
+                }
+                match is_small {
+                    true => eliminate_columns::<T, D>(panel, update, errors),
+                    false => Ok(()),
+                }
+            },
+        );
+        let result = match is_small {
+            true => result,
+            false => {
+                let stack = MemStack::new(&mut desk.memory);
+                eliminate_dense::<T, D>(panel, update, errors, threads, stack)
             }
-        },
-    );
-    let result = match is_small {
-        true => result,
-        false => {
-            let stack = MemStack::new(&mut desk.memory);
-            eliminate_dense(columns, panel, update, threads, stack)
-        }
-    };
-    result.map_err(|column| NotPositive {
-        column: fronts.first[front] as usize + column / D,
-    })
-}
+        };
+        result.map_err(|column| NotPositive {
+            column: fronts.first[front] as usize + column / D,
+        })
+    }
 
-/// The matrix and the updates of the children, summed up in a front.
-#[inline(always)]
-fn assemble<'a, T: Real + 'a, const D: usize, const P: usize>(
-    fronts: &Fronts,
-    front: usize,
-    blocks: &[[T; P]],
-    panel: &mut [T],
-    update: &mut [T],
-    child_update: &impl Fn(usize) -> &'a [T],
-) {
-    let (n_columns, below) = (fronts.n_columns(front), D * fronts.rows(front).len());
-    let height = D * n_columns + below;
-    panel.fill(T::default());
-    update.fill(T::default());
-    for entry in fronts.entries(front) {
-        let columns = rows::<T, D, P>(&blocks[entry.source as usize]);
-        for (k, values) in columns.iter().enumerate() {
-            let start = (D * entry.column as usize + k) * height + D * entry.row as usize;
-            panel[start..start + D].copy_from_slice(values);
+    /// The entries of the matrix in a front, and the errors of its diagonal.
+    #[inline(always)]
+    fn assemble(&self, front: usize, panel: &mut [T], update: &mut [T], errors: &mut [T]) {
+        let epsilon = T::of(PIVOT_ROUNDING) * T::EPSILON;
+        let height = panel.len() / errors.len();
+        panel.fill(T::default());
+        update.fill(T::default());
+        let (errors, _) = errors.as_chunks_mut::<D>();
+        for entry in self.fronts.entries(front) {
+            let block = &self.blocks[entry.source as usize];
+            if entry.row == entry.column {
+                errors[entry.row as usize] = self.rounding.diagonal_errors(block, epsilon);
+            }
+            let columns = rows::<T, D, P>(block);
+            for (k, values) in columns.iter().enumerate() {
+                let start = (D * entry.column as usize + k) * height + D * entry.row as usize;
+                panel[start..start + D].copy_from_slice(values);
+            }
         }
     }
-    for &child in fronts.children(front) {
-        let child = child as usize;
-        let (relative, from) = (fronts.relative(child), child_update(child));
+
+    /// Adds the update of a child to a front.
+    #[inline(always)]
+    fn add_update(
+        &self,
+        child: usize,
+        from: &[T],
+        front: usize,
+        panel: &mut [T],
+        update: &mut [T],
+    ) {
+        let fronts = self.fronts;
+        let (n_columns, below) = (fronts.n_columns(front), D * fronts.rows(front).len());
+        let height = D * n_columns + below;
+        let relative = fronts.relative(child);
         let size = D * relative.len();
         for (column, &target) in relative.iter().enumerate() {
             let target = target as usize;
@@ -447,22 +477,28 @@ fn assemble<'a, T: Real + 'a, const D: usize, const P: usize>(
 /// Elimination column by column, for narrow fronts; the column where it fails.
 #[inline(always)]
 fn eliminate_columns<T: Real, const D: usize>(
-    columns: usize,
     panel: &mut [T],
     update: &mut [T],
+    errors: &[T],
 ) -> Result<(), usize> {
+    let columns = errors.len();
     let height = panel.len() / columns;
     let below = height - columns;
     for k in 0..columns {
         let (done, rest) = panel.split_at_mut((k + 1) * height);
-        let column = &mut done[k * height..];
-        let pivot = column[k];
-        // Not a number, too, is not positive.
-        let is_positive = pivot > T::default();
+        let pivot = done[k * height + k];
+        let mut limit = errors[k];
+        for j in k - k % D..k {
+            let ratio = done[j * height + k] / done[j * height + j];
+            limit += ratio * ratio * errors[j];
+        }
+        // What is not a number does not exceed it either.
+        let is_positive = pivot > limit;
         if !is_positive {
             return Err(k);
         }
         let root = pivot.root();
+        let column = &mut done[k * height..];
         column[k] = root;
         let inverse = T::of(1.0) / root;
         for value in &mut column[k + 1..] {
@@ -492,19 +528,21 @@ fn eliminate_columns<T: Real, const D: usize>(
 }
 
 /// Columns that are eliminated at once, and the size of the tiles of the rest.
-/// It does not depend on the number of threads, so neither do the bits.
+/// It does not depend on the number of threads, so neither do the bits. Blocks
+/// of one, two or three columns are not cut.
 const TILE: usize = 192;
 /// Below this number of operations the tiles of a front stay on one thread.
 const WORTH_SHARING: f64 = 1e7;
 
 /// Elimination by dense kernels, for wide fronts; the column where it fails.
-fn eliminate_dense<T: Real>(
-    columns: usize,
+fn eliminate_dense<T: Real, const D: usize>(
     panel: &mut [T],
     update: &mut [T],
+    errors: &[T],
     threads: usize,
     stack: &mut MemStack,
 ) -> Result<(), usize> {
+    let columns = errors.len();
     let height = panel.len() / columns;
     let below = height - columns;
     let flops = columns as f64 * (height as f64).powi(2);
@@ -517,15 +555,33 @@ fn eliminate_dense<T: Real>(
         let this = MatMut::from_column_major_slice_mut(this, height, width);
         let (_, this) = this.split_at_row_mut(start);
         let (mut diagonal, mut rest) = this.split_at_row_mut(width);
-        cholesky_in_place(
+        let done = cholesky_in_place(
             diagonal.rb_mut(),
             LltRegularization::default(),
             Par::Seq,
             stack,
             Default::default(),
-        )
-        .map_err(|LltError::NonPositivePivot { index }| start + index)?;
+        );
+        // The kernel stops only at pivots that are not above zero.
+        let n_done = match done {
+            Ok(_) => width,
+            Err(LltError::NonPositivePivot { index }) => index,
+        };
         let diagonal = diagonal.rb();
+        let is_zero = |&k: &usize| {
+            let mut limit = errors[start + k];
+            for j in k - k % D..k {
+                let ratio = diagonal[(k, j)] / diagonal[(j, j)];
+                limit += ratio * ratio * errors[start + j];
+            }
+            let root = diagonal[(k, k)];
+            let is_positive = root * root > limit;
+            !is_positive
+        };
+        let failed = (0..n_done).find(is_zero);
+        if let Some(k) = failed.or((n_done < width).then_some(n_done)) {
+            return Err(start + k);
+        }
         let transposed = rest.rb_mut().transpose_mut();
         share(column_tiles(transposed), threads, |tile| {
             solve_lower_triangular_in_place(diagonal, tile, Par::Seq);

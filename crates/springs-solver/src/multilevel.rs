@@ -1,7 +1,7 @@
 //! A preconditioner whose conjugate gradients take nearly the same number of
 //! iterations for any size.
 
-use crate::block::add;
+use crate::block::{Rounding, add};
 use crate::conjugate_gradients::Preconditioner;
 use crate::direct::Direct;
 use crate::rows::Rows;
@@ -16,6 +16,7 @@ use crate::{Options, Price, SolveError};
 /// is factorized, or, where that would be much work, has a coarser one itself.
 pub(crate) struct Multilevel<const D: usize, const P: usize> {
     inverses: Vec<[f64; P]>,
+    rounding: Rounding,
     /// Aggregate of each block.
     aggregates: Vec<u32>,
     /// Coarse pair of each pair of the caller; `INSIDE` of an aggregate there
@@ -52,15 +53,15 @@ impl<const D: usize, const P: usize> Multilevel<D, P> {
     pub(crate) fn new(
         n_blocks: usize,
         pairs: &[[u32; 2]],
-        threads: usize,
+        options: Options<'_>,
     ) -> Result<Self, SolveError> {
-        Self::with_dearest_coarse(n_blocks, pairs, threads, DEAREST_COARSE)
+        Self::with_dearest_coarse(n_blocks, pairs, options, DEAREST_COARSE)
     }
 
     fn with_dearest_coarse(
         n_blocks: usize,
         pairs: &[[u32; 2]],
-        threads: usize,
+        options: Options<'_>,
         dearest_coarse: f64,
     ) -> Result<Self, SolveError> {
         let (aggregates, n_coarse) = aggregate(n_blocks, pairs);
@@ -81,8 +82,8 @@ impl<const D: usize, const P: usize> Multilevel<D, P> {
             coarse_pairs[pair] = distinct.len() as u32 - 1;
         }
         let options = Options {
-            threads,
-            ..Options::default()
+            positions: None,
+            ..options
         };
         let direct = Direct::new(n_coarse, &distinct, options)?;
         let dearest = dearest_coarse * Price::of_iteration::<P>(n_blocks, pairs.len());
@@ -91,7 +92,7 @@ impl<const D: usize, const P: usize> Multilevel<D, P> {
         let coarse = match is_cheap || n_coarse == n_blocks {
             true => Coarse::Direct(Box::new(direct)),
             false => {
-                let next = Self::with_dearest_coarse(n_coarse, &distinct, threads, dearest_coarse);
+                let next = Self::with_dearest_coarse(n_coarse, &distinct, options, dearest_coarse);
                 Coarse::Level {
                     matrix: Rows::new(n_coarse, &distinct),
                     preconditioner: Box::new(next?),
@@ -101,6 +102,7 @@ impl<const D: usize, const P: usize> Multilevel<D, P> {
         };
         Ok(Self {
             inverses: vec![[0.0; P]; n_blocks],
+            rounding: Rounding::of(options.subspace),
             aggregates,
             coarse_pairs,
             coarse,
@@ -135,7 +137,7 @@ impl<const D: usize, const P: usize> Multilevel<D, P> {
     /// If that of a block or the coarse matrix, and so the matrix, is not
     /// positive definite.
     pub(crate) fn set(&mut self, matrix: &Rows<P>) -> Result<(), SolveError> {
-        matrix.invert_diagonal::<D>(&mut self.inverses)?;
+        matrix.invert_diagonal::<D>(&mut self.inverses, self.rounding)?;
         self.coarse_diagonal.fill([0.0; P]);
         self.coarse_off_diagonal.fill([0.0; P]);
         for (block, &aggregate) in matrix.diagonal().iter().zip(&self.aggregates) {
@@ -302,8 +304,13 @@ mod tests {
         // What one block feels reaches ten blocks far.
         let (rows, pairs) = membrane(side, 1e-2);
         let n_blocks = rows.n_blocks();
-        let mut multilevel =
-            Multilevel::<3, 6>::with_dearest_coarse(n_blocks, &pairs, 1, dearest_coarse).unwrap();
+        let mut multilevel = Multilevel::<3, 6>::with_dearest_coarse(
+            n_blocks,
+            &pairs,
+            Options::default(),
+            dearest_coarse,
+        )
+        .unwrap();
         multilevel.set(&rows).unwrap();
         let mut gradients = ConjugateGradients::new(n_blocks);
         for (block, r) in gradients.residual.iter_mut().enumerate() {
@@ -344,7 +351,7 @@ mod tests {
     #[test]
     fn a_correction_leaves_no_sum_on_any_aggregate() {
         let (rows, pairs) = membrane(12, 1.0);
-        let mut multilevel = Multilevel::<3, 6>::new(144, &pairs, 1).unwrap();
+        let mut multilevel = Multilevel::<3, 6>::new(144, &pairs, Options::default()).unwrap();
         multilevel.set(&rows).unwrap();
         let b: Vec<[f64; 3]> = (0..144).map(|k| [1.0, f64::from(k).sin(), 2.0]).collect();
         let mut x = vec![[0.0; 3]; 144];

@@ -1,7 +1,7 @@
 //! Symmetric matrices of blocks, by rows of the upper triangle.
 
 use crate::SolveError;
-use crate::block::{add, invert, subtract, times};
+use crate::block::{Rounding, add, invert, subtract, times};
 
 /// A symmetric matrix whose blocks are symmetric, too: the diagonal, and the
 /// strictly upper triangle row by row with ascending columns.
@@ -155,9 +155,11 @@ impl<const P: usize> Rows<P> {
     pub(crate) fn invert_diagonal<const D: usize>(
         &self,
         inverses: &mut [[f64; P]],
+        rounding: Rounding,
     ) -> Result<(), SolveError> {
         for (block, (inverse, values)) in inverses.iter_mut().zip(&self.diagonal).enumerate() {
-            *inverse = invert::<D, P>(values).ok_or(SolveError::NotPositiveDefinite { block })?;
+            let inverted = invert::<D, P>(values, rounding);
+            *inverse = inverted.ok_or(SolveError::NotPositiveDefinite { block })?;
         }
         Ok(())
     }
@@ -231,7 +233,8 @@ mod tests {
         );
 
         let mut inverses = vec![[0.0; 6]; 4];
-        rows.invert_diagonal::<3>(&mut inverses).unwrap();
+        rows.invert_diagonal::<3>(&mut inverses, Rounding::ByEntry)
+            .unwrap();
         let sum = &diagonal + &upper;
         rows.solve_upper(&inverses, &x, &mut y);
         near(&(y.clone()), sum.clone().lu().solve(&vector(&x)).unwrap());

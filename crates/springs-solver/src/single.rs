@@ -1,6 +1,6 @@
 //! A factor in single precision.
 
-use crate::block::packed;
+use crate::block::{Rounding, packed};
 use crate::conjugate_gradients::Preconditioner;
 use crate::fronts::Fronts;
 use crate::multifrontal::{Multifrontal, NotPositive};
@@ -44,6 +44,7 @@ impl<const D: usize, const P: usize> Single<D, P> {
         &mut self,
         fronts: &Fronts,
         matrix: &Rows<P>,
+        rounding: Rounding,
     ) -> Result<(), NotPositive> {
         let diagonal = matrix.diagonal();
         for (scale, block) in self.scales.iter_mut().zip(diagonal) {
@@ -62,7 +63,7 @@ impl<const D: usize, const P: usize> Single<D, P> {
         for (row, column, pair, block) in matrix.pairs() {
             pair_blocks[pair] = scaled(block, self.scales[row] * self.scales[column]);
         }
-        self.factor.factorize(fronts, &self.blocks)
+        self.factor.factorize(fronts, &self.blocks, rounding)
     }
 }
 

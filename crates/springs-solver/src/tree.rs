@@ -1,6 +1,6 @@
 //! Chains, trees and forests: elimination without fill.
 
-use crate::block::{add, backward, cholesky, dot, forward, packed, rows};
+use crate::block::{PIVOT_ROUNDING, Rounding, add, backward, cholesky, dot, forward, packed, rows};
 use crate::fronts::Elimination;
 use crate::multifrontal::NotPositive;
 
@@ -69,13 +69,16 @@ impl<const D: usize, const P: usize> Tree<D, P> {
         &mut self,
         diagonal: &[[f64; P]],
         off_diagonal: &[[f64; P]],
+        rounding: Rounding,
     ) -> Result<(), NotPositive> {
         for (column, &block) in self.columns.iter_mut().zip(&self.order) {
             column.diagonal = diagonal[block];
         }
         for index in 0..self.columns.len() {
             let column = &mut self.columns[index];
-            let Some(factor) = cholesky::<D, P>(&column.diagonal) else {
+            let before = &diagonal[self.order[index]];
+            let errors = rounding.diagonal_errors(before, PIVOT_ROUNDING * f64::EPSILON);
+            let Some(factor) = cholesky::<D, P>(&column.diagonal, &errors) else {
                 return Err(NotPositive { column: index });
             };
             column.diagonal = factor;
