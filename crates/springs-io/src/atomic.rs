@@ -1,7 +1,7 @@
 //! Files that appear whole or not at all.
 
 use std::fs::File;
-use std::io::{self, Write as _};
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 
@@ -14,6 +14,9 @@ pub struct WriteError {
     /// Why.
     pub source: io::Error,
 }
+
+/// How the names of unfinished files begin.
+const DRAFT: &str = ".springs-";
 
 /// A file that grows under another name until it is complete.
 #[derive(Debug)]
@@ -30,7 +33,7 @@ impl Draft {
             _ => Path::new("."),
         };
         let mut builder = tempfile::Builder::new();
-        builder.prefix(".springs-");
+        builder.prefix(DRAFT);
         #[cfg(unix)]
         {
             use std::os::unix::fs::PermissionsExt as _;
@@ -42,53 +45,69 @@ impl Draft {
                 path: path.to_owned(),
                 file,
             }),
-            Err(source) => Err(WriteError {
-                path: path.to_owned(),
-                source,
-            }),
+            Err(source) => Err(failure(path)(source)),
         }
+    }
+
+    /// Where the file will be.
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The file, wherever it is.
+    pub(crate) fn file(&mut self) -> &mut File {
+        self.file.as_file_mut()
     }
 
     /// Appends bytes.
     pub(crate) fn write(&mut self, bytes: &[u8]) -> Result<(), WriteError> {
-        self.file.write_all(bytes).map_err(|source| WriteError {
-            path: self.path.clone(),
-            source,
-        })
+        self.file.write_all(bytes).map_err(failure(&self.path))
     }
 
-    /// Appends all that is in another file.
-    pub(crate) fn append(&mut self, source: &mut File) -> Result<(), WriteError> {
-        match io::copy(source, &mut self.file) {
-            Ok(_) => Ok(()),
-            Err(source) => Err(WriteError {
-                path: self.path.clone(),
-                source,
-            }),
-        }
+    /// Appends what `write` writes, in few pieces.
+    pub(crate) fn write_by(
+        &mut self,
+        write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+    ) -> Result<(), WriteError> {
+        let mut buffer = io::BufWriter::new(self.file.as_file_mut());
+        let written = write(&mut buffer).and_then(|()| buffer.flush());
+        drop(buffer);
+        written.map_err(failure(&self.path))
+    }
+
+    /// Appends so many bytes of another file.
+    pub(crate) fn append(&mut self, source: &mut File, bytes: u64) -> Result<(), WriteError> {
+        let copied = io::copy(&mut io::Read::take(source, bytes), &mut self.file);
+        copied.map(|_| ()).map_err(failure(&self.path))
     }
 
     /// [`Self::finish`] with all bytes on the disk before the file gets its name.
     pub(crate) fn finish_on_disk(self) -> Result<(), WriteError> {
         match self.file.as_file().sync_all() {
             Ok(()) => self.finish(),
-            Err(source) => Err(WriteError {
-                path: self.path,
-                source,
-            }),
+            Err(source) => Err(failure(&self.path)(source)),
         }
     }
 
     /// Gives the file its name; an older one of that name is replaced.
     pub(crate) fn finish(self) -> Result<(), WriteError> {
-        let Self { path, file } = self;
-        match file.persist(&path) {
-            Ok(_) => Ok(()),
-            Err(error) => Err(WriteError {
-                path,
-                source: error.error,
-            }),
-        }
+        let path = self.path.clone();
+        self.finish_as(&path).map(|_| ())
+    }
+
+    /// Gives the file another name than it was begun for.
+    pub(crate) fn finish_as(self, path: &Path) -> Result<File, WriteError> {
+        let persisted = self.file.persist(path);
+        persisted.map_err(|error| failure(path)(error.error))
+    }
+}
+
+/// The error of a file.
+pub(crate) fn failure(path: &Path) -> impl Fn(io::Error) -> WriteError {
+    let path = path.to_owned();
+    move |source| WriteError {
+        path: path.clone(),
+        source,
     }
 }
 
@@ -101,6 +120,26 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), WriteError> {
     let mut draft = Draft::begin(path)?;
     draft.write(bytes)?;
     draft.finish()
+}
+
+/// Whether a file could be written at `path`; nothing is left of the attempt.
+///
+/// # Errors
+///
+/// If it could not, for want of a right or of the folder.
+pub fn try_to_write(path: &Path) -> Result<(), WriteError> {
+    Draft::begin(path).map(|_| ())
+}
+
+/// Removes the unfinished files that programs which were killed have left in a
+/// folder. Nobody may be writing into it. What cannot be removed stays.
+pub fn remove_drafts(folder: &Path) {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    for entry in entries {
+        if entry.file_name().to_string_lossy().starts_with(DRAFT) {
+            let _ = std::fs::remove_file(entry.path());
+        }
+    }
 }
 
 #[cfg(test)]
@@ -119,6 +158,28 @@ mod tests {
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
         write_whole(&path, b"new").unwrap();
         assert_eq!(std::fs::read(&path).unwrap(), b"new");
+    }
+
+    #[test]
+    fn drafts_of_killed_programs_are_removed() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["result", ".springs-Qx3bZf", ".springs-0", ".other"] {
+            std::fs::write(folder.path().join(name), b"").unwrap();
+        }
+        remove_drafts(folder.path());
+        let entries = std::fs::read_dir(folder.path()).unwrap();
+        let mut names: Vec<_> = entries.map(|entry| entry.unwrap().file_name()).collect();
+        names.sort();
+        assert_eq!(names, [".other", "result"]);
+        remove_drafts(Path::new("/no/such/folder"));
+    }
+
+    #[test]
+    fn an_attempt_leaves_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        try_to_write(&folder.path().join("result")).unwrap();
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+        assert!(try_to_write(Path::new("/no/such/folder/file")).is_err());
     }
 
     #[test]

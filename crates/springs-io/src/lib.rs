@@ -30,7 +30,7 @@ mod scene_file;
 mod table;
 mod write;
 
-pub use atomic::{WriteError, write_whole};
+pub use atomic::{WriteError, remove_drafts, try_to_write, write_whole};
 pub use checkpoint::{Checkpoint, CheckpointError, read_checkpoint, write_checkpoint};
 pub use read::{Finding, SceneError, parse_scene, read_scene, read_text};
 pub use report::{

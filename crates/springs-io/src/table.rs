@@ -1,10 +1,11 @@
 //! Tables as CSV: trajectories, energy over time.
 
-use crate::atomic::{Draft, WriteError};
+use crate::atomic::{Draft, WriteError, failure};
 use nalgebra::Vector3;
 use std::ffi::OsString;
+use std::fmt::Write as _;
 use std::fs::{File, OpenOptions};
-use std::io::{self, Read as _, Seek as _, SeekFrom, Write as _};
+use std::io::{ErrorKind, Read as _, Seek as _, SeekFrom, Write as _};
 use std::path::{Path, PathBuf};
 
 /// Positions (m) and velocities (m/s) of all nodes at one time (s).
@@ -23,7 +24,8 @@ pub struct TrajectoryFrame<'a> {
 #[derive(Debug)]
 pub struct TableWriter {
     growing: Growing,
-    buffer: Vec<u8>,
+    /// Rows that are not written yet.
+    buffer: String,
     sum: crc32fast::Hasher,
     bytes: u64,
 }
@@ -35,6 +37,16 @@ enum Growing {
     Draft(Draft),
     /// Under the name with `.part` added, which stays.
     Part { path: PathBuf, file: File },
+}
+
+impl Growing {
+    /// Where the file will be, and the file.
+    fn file(&mut self) -> (PathBuf, &mut File) {
+        match self {
+            Self::Draft(draft) => (draft.path().to_owned(), draft.file()),
+            Self::Part { path, file } => (path.clone(), file),
+        }
+    }
 }
 
 /// The beginning of a table.
@@ -56,6 +68,12 @@ pub enum ContinueError {
     /// It does not begin as it did when the run was stopped.
     #[error("{} is not what the run has written so far", path.display())]
     Changed {
+        /// The file.
+        path: PathBuf,
+    },
+    /// It is not there.
+    #[error("{} is gone, which the run has begun to write", path.display())]
+    Missing {
         /// The file.
         path: PathBuf,
     },
@@ -82,62 +100,67 @@ impl TableWriter {
     ///
     /// If it cannot be written.
     pub fn create_lasting(path: &Path, header: &str) -> Result<Self, WriteError> {
-        let file = File::create(part_of(path)).map_err(failure(path))?;
-        let path = path.to_owned();
-        Self::start(Growing::Part { path, file }, header)
+        Self::create(path, header)?.keep()
     }
 
-    /// Goes on with a lasting or finished file that begins as one did when it
-    /// was stopped; what was written later is written anew.
+    /// Makes a table that would be gone if it is not finished a lasting one, as
+    /// of [`Self::create_lasting`]. An older one of that name is replaced.
     ///
     /// # Errors
     ///
-    /// If it cannot be written or begins otherwise.
+    /// If it cannot be renamed.
+    pub fn keep(self) -> Result<Self, WriteError> {
+        let Growing::Draft(draft) = self.growing else {
+            return Ok(self);
+        };
+        let path = draft.path().to_owned();
+        let file = draft.finish_as(&part_of(&path))?;
+        let growing = Growing::Part { path, file };
+        Ok(Self { growing, ..self })
+    }
+
+    /// Goes on with a lasting or finished file that begins as one did when it
+    /// was stopped; what was written later is written anew. A finished file stays
+    /// as it is until the table is finished again.
+    ///
+    /// # Errors
+    ///
+    /// If it cannot be read or written, is missing, or begins otherwise. All files
+    /// are then untouched.
     pub fn resume(path: &Path, beginning: Beginning) -> Result<Self, ContinueError> {
         let part = part_of(path);
-        if !part.exists() && path.exists() {
-            // Whole or not at all: this, too, may be killed.
-            let mut copy = Draft::begin(&part)?;
-            let mut source = File::open(path).map_err(failure(path))?;
-            copy.append(&mut source)?;
-            copy.finish()?;
-        }
-        let mut file = OpenOptions::new()
-            .read(true)
-            .write(true)
-            .open(&part)
-            .map_err(failure(&part))?;
-        let (mut sum, mut bytes) = (crc32fast::Hasher::new(), 0);
-        let mut chunk = vec![0; 1 << 16];
-        while bytes < beginning.bytes {
-            let wanted = (beginning.bytes - bytes).min(chunk.len() as u64) as usize;
-            let n = file.read(&mut chunk[..wanted]).map_err(failure(&part))?;
-            if n == 0 {
-                return Err(ContinueError::Changed { path: part });
+        let growing = match open_beginning(&part, beginning) {
+            Ok(mut file) => {
+                let (bytes, start) = (beginning.bytes, SeekFrom::Start(beginning.bytes));
+                let cut = file.set_len(bytes).and_then(|()| file.seek(start));
+                cut.map_err(failure(&part))?;
+                let path = path.to_owned();
+                Growing::Part { path, file }
             }
-            sum.update(&chunk[..n]);
-            bytes += n as u64;
-        }
-        if sum.clone().finalize() != beginning.sum {
-            return Err(ContinueError::Changed { path: part });
-        }
-        file.set_len(bytes).map_err(failure(&part))?;
-        file.seek(SeekFrom::Start(bytes)).map_err(failure(&part))?;
-        Ok(Self {
-            growing: Growing::Part {
-                path: path.to_owned(),
-                file,
+            Err(unfit) => match (open_beginning(path, beginning), unfit) {
+                (Ok(mut file), _) => {
+                    let mut copy = Draft::begin(path)?;
+                    file.rewind().map_err(failure(path))?;
+                    copy.append(&mut file, beginning.bytes)?;
+                    Growing::Draft(copy)
+                }
+                (Err(error), ContinueError::Missing { .. }) => return Err(error),
+                (Err(_), error) => return Err(error),
             },
-            buffer: Vec::new(),
+        };
+        let sum = crc32fast::Hasher::new_with_initial_len(beginning.sum, beginning.bytes);
+        Ok(Self {
+            growing,
+            buffer: String::new(),
             sum,
-            bytes,
+            bytes: beginning.bytes,
         })
     }
 
     fn start(growing: Growing, header: &str) -> Result<Self, WriteError> {
         let mut writer = Self {
             growing,
-            buffer: format!("{header}\n").into_bytes(),
+            buffer: format!("{header}\n"),
             sum: crc32fast::Hasher::new(),
             bytes: 0,
         };
@@ -153,9 +176,9 @@ impl TableWriter {
     pub fn row(&mut self, numbers: &[f64]) -> Result<(), WriteError> {
         for (k, number) in numbers.iter().enumerate() {
             let comma = if k == 0 { "" } else { "," };
-            write!(self.buffer, "{comma}{number:?}").expect("writing to memory");
+            write!(self.buffer, "{comma}{number:?}").expect("writing to a string");
         }
-        self.buffer.push(b'\n');
+        self.buffer.push('\n');
         self.flush()
     }
 
@@ -173,19 +196,36 @@ impl TableWriter {
                 "{time:?},{node},{:?},{:?},{:?},{:?},{:?},{:?}",
                 x.x, x.y, x.z, v.x, v.y, v.z
             )
-            .expect("writing to memory");
+            .expect("writing to a string");
         }
         self.flush()
     }
 
+    /// Appends rows as text, such as those of [`Self::unwritten`].
+    ///
+    /// # Errors
+    ///
+    /// If they cannot be written.
+    pub fn append(&mut self, rows: &str) -> Result<(), WriteError> {
+        self.buffer.push_str(rows);
+        self.flush()
+    }
+
+    /// Rows that could not be written: those of the call that failed. They are
+    /// not part of [`Self::beginning`].
+    pub fn unwritten(&self) -> &str {
+        &self.buffer
+    }
+
     fn flush(&mut self) -> Result<(), WriteError> {
-        match &mut self.growing {
-            Growing::Draft(draft) => draft.write(&self.buffer)?,
-            Growing::Part { path, file } => {
-                file.write_all(&self.buffer).map_err(failure(path))?;
-            }
+        let (path, file) = self.growing.file();
+        if let Err(source) = file.write_all(self.buffer.as_bytes()) {
+            // Half a row helps nobody. If it stays, nobody reads that far.
+            let _ = file.set_len(self.bytes);
+            let _ = file.seek(SeekFrom::Start(self.bytes));
+            return Err(WriteError { path, source });
         }
-        self.sum.update(&self.buffer);
+        self.sum.update(self.buffer.as_bytes());
         self.bytes += self.buffer.len() as u64;
         self.buffer.clear();
         Ok(())
@@ -221,11 +261,33 @@ fn part_of(path: &Path) -> PathBuf {
     name.into()
 }
 
-fn failure(path: &Path) -> impl Fn(io::Error) -> WriteError {
-    let path = path.to_owned();
-    move |source| WriteError {
-        path: path.clone(),
-        source,
+/// Opens a file that begins so.
+fn open_beginning(path: &Path, beginning: Beginning) -> Result<File, ContinueError> {
+    let opened = OpenOptions::new().read(true).write(true).open(path);
+    let mut file = opened.map_err(|error| match error.kind() {
+        ErrorKind::NotFound => ContinueError::Missing {
+            path: path.to_owned(),
+        },
+        _ => failure(path)(error).into(),
+    })?;
+    let changed = || ContinueError::Changed {
+        path: path.to_owned(),
+    };
+    let (mut sum, mut bytes) = (crc32fast::Hasher::new(), 0);
+    let mut chunk = vec![0; 1 << 16];
+    while bytes < beginning.bytes {
+        let wanted = (beginning.bytes - bytes).min(chunk.len() as u64) as usize;
+        let n = file.read(&mut chunk[..wanted]).map_err(failure(path))?;
+        if n == 0 {
+            return Err(changed());
+        }
+        sum.update(&chunk[..n]);
+        bytes += n as u64;
+    }
+    if sum.finalize() == beginning.sum {
+        Ok(file)
+    } else {
+        Err(changed())
     }
 }
 
@@ -291,6 +353,65 @@ mod tests {
         assert!(matches!(error, ContinueError::Changed { .. }));
         std::fs::remove_file(&part).unwrap();
         let error = TableWriter::resume(&path, beginning).unwrap_err();
-        assert!(matches!(error, ContinueError::File(_)));
+        assert!(matches!(error, ContinueError::Missing { .. }));
+    }
+
+    /// The file that was there at the stop was put back.
+    #[test]
+    fn the_right_file_is_continued_beside_a_wrong_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("trajectory");
+        let mut writer = TableWriter::create(&path, TRAJECTORY_HEADER).unwrap();
+        writer.frame(frame(0.0)).unwrap();
+        let beginning = writer.beginning();
+        writer.finish().unwrap();
+        let sound = std::fs::read(&path).unwrap();
+        std::fs::write(&path, b"another").unwrap();
+        let error = TableWriter::resume(&path, beginning).unwrap_err();
+        assert!(matches!(error, ContinueError::Changed { .. }));
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+        std::fs::write(part_of(&path), b"another").unwrap();
+        std::fs::write(&path, &sound).unwrap();
+        let mut writer = TableWriter::resume(&path, beginning).unwrap();
+        writer.frame(frame(1.0)).unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), sound, "until it is finished");
+        writer.finish().unwrap();
+        let longer = std::fs::read(&path).unwrap();
+        assert!(longer.len() > sound.len() && longer.starts_with(&sound));
+    }
+
+    /// `/dev/full` takes no byte.
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn rows_that_cannot_be_written_are_not_lost() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("trajectory");
+        let mut writer = TableWriter::create(&path, TRAJECTORY_HEADER).unwrap();
+        writer.frame(frame(0.0)).unwrap();
+        let full = OpenOptions::new().write(true).open("/dev/full").unwrap();
+        let growing = Growing::Part {
+            path: path.clone(),
+            file: full,
+        };
+        let own = std::mem::replace(&mut writer.growing, growing);
+        let beginning = writer.beginning();
+        assert!(writer.frame(frame(1.0)).is_err());
+        assert_eq!(writer.beginning(), beginning);
+        let rows = writer.unwritten().to_owned();
+        assert_eq!(rows.lines().count(), 2);
+        writer.growing = own;
+        drop(writer.keep().unwrap());
+        let mut writer = TableWriter::resume(&path, beginning).unwrap();
+        writer.append(&rows).unwrap();
+        writer.finish().unwrap();
+        let whole = folder.path().join("whole");
+        let mut writer = TableWriter::create(&whole, TRAJECTORY_HEADER).unwrap();
+        writer.frame(frame(0.0)).unwrap();
+        writer.frame(frame(1.0)).unwrap();
+        writer.finish().unwrap();
+        assert_eq!(
+            std::fs::read(&path).unwrap(),
+            std::fs::read(&whole).unwrap()
+        );
     }
 }

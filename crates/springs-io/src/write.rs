@@ -1,10 +1,11 @@
 //! From a scene to a scene file.
 
-use crate::atomic::{WriteError, write_whole};
+use crate::atomic::{Draft, WriteError};
 use crate::scene_file::VERSION;
 use nalgebra::Vector3;
 use springs_scene::{Scene, Solution, StepControl};
 use std::fmt::Write as _;
+use std::io::{self, Write};
 use std::path::Path;
 
 /// The text of a scene file, one node and one spring a line. Reading it gives
@@ -14,16 +15,20 @@ use std::path::Path;
 ///
 /// If the scene holds a number that is not finite, which no file can.
 pub fn scene_to_string(scene: &Scene) -> String {
-    let mut text = format!("Scene(\n    version: {VERSION},\n");
-    let mut line = |content: std::fmt::Arguments<'_>| {
-        writeln!(text, "    {content},").expect("writing to a string");
-    };
+    let mut text = Vec::new();
+    write_text(scene, &mut text).expect("writing to memory");
+    String::from_utf8(text).expect("all that is written is text")
+}
+
+/// Writes the text piece by piece, so that it never is in memory as a whole.
+fn write_text(scene: &Scene, text: &mut dyn Write) -> io::Result<()> {
+    writeln!(text, "Scene(\n    version: {VERSION},")?;
     if !scene.name.is_empty() {
         let quoted = ron::to_string(&scene.name).expect("a string");
-        line(format_args!("name: {quoted}"));
+        writeln!(text, "    name: {quoted},")?;
     }
     if !is_left_out(&scene.gravity) {
-        line(format_args!("gravity: {}", tuple(&scene.gravity)));
+        writeln!(text, "    gravity: {},", tuple(&scene.gravity))?;
     }
     let nodes = scene.nodes.iter().map(|node| {
         let mut fields = format!("position: {}", tuple(&node.position));
@@ -36,7 +41,7 @@ pub fn scene_to_string(scene: &Scene) -> String {
         }
         fields
     });
-    line(format_args!("nodes: {}", list(nodes)));
+    write_list(text, "nodes", nodes)?;
     let springs = scene.springs.iter().map(|spring| {
         let [a, b] = spring.nodes;
         let mut fields = format!("nodes: ({a}, {b}), stiffness: {}", number(spring.stiffness));
@@ -45,7 +50,7 @@ pub fn scene_to_string(scene: &Scene) -> String {
         push_number(&mut fields, "damping", spring.damping);
         fields
     });
-    line(format_args!("springs: {}", list(springs)));
+    write_list(text, "springs", springs)?;
     let settings = &scene.settings;
     let mut fields = format!("method: {}", settings.method.name());
     if let Some(tangent) = settings.tangent {
@@ -68,9 +73,7 @@ pub fn scene_to_string(scene: &Scene) -> String {
     if settings.rescue {
         fields += ", rescue: true";
     }
-    line(format_args!("simulation: ({fields})"));
-    text.push_str(")\n");
-    text
+    writeln!(text, "    simulation: ({fields}),\n)")
 }
 
 /// Writes [`scene_to_string`] to a file, whole or not at all.
@@ -79,15 +82,21 @@ pub fn scene_to_string(scene: &Scene) -> String {
 ///
 /// If the file cannot be written.
 pub fn write_scene(path: &Path, scene: &Scene) -> Result<(), WriteError> {
-    write_whole(path, scene_to_string(scene).as_bytes())
+    let mut draft = Draft::begin(path)?;
+    draft.write_by(|text| write_text(scene, text))?;
+    draft.finish()
 }
 
-fn list(entries: impl Iterator<Item = String>) -> String {
-    let mut text = String::from("[\n");
+fn write_list(
+    text: &mut dyn Write,
+    name: &str,
+    entries: impl Iterator<Item = String>,
+) -> io::Result<()> {
+    writeln!(text, "    {name}: [")?;
     for entry in entries {
-        writeln!(text, "        ({entry}),").expect("writing to a string");
+        writeln!(text, "        ({entry}),")?;
     }
-    text + "    ]"
+    writeln!(text, "    ],")
 }
 
 fn push_number(fields: &mut String, name: &str, value: f64) {
