@@ -34,8 +34,7 @@ fn signal_mask(child: &std::process::Child, line: &str) -> u64 {
 fn every_ending_signal_leaves_what_there_is() {
     for name in ["INT", "TERM", "HUP"] {
         let desk = endless_cloth();
-        let mut command = desk.command(ENDLESS);
-        let child = command.stderr(Stdio::piped()).spawn().unwrap();
+        let child = desk.start_heard(ENDLESS);
         wait_for_frames(&desk);
         signal(&child, name);
         let output = child.wait_with_output().unwrap();

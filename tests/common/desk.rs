@@ -45,6 +45,13 @@ impl Desk {
         command.spawn().unwrap()
     }
 
+    /// Starts the program; what it says to standard error is kept.
+    pub fn start_heard(&self, arguments: &str) -> Child {
+        let mut command = self.command(arguments);
+        command.stdout(Stdio::null()).stderr(Stdio::piped());
+        command.spawn().unwrap()
+    }
+
     /// Runs, expects an exit code, and returns what went to standard error.
     pub fn expect(&self, code: i32, arguments: &str) -> String {
         let output = self.springs(arguments);

@@ -211,7 +211,7 @@ impl TableWriter {
         self.flush()
     }
 
-    /// Rows that could not be written: those of the call that failed. They are
+    /// Rows that could not be written so far; the next call tries again. They are
     /// not part of [`Self::beginning`].
     pub fn unwritten(&self) -> &str {
         &self.buffer

@@ -95,11 +95,17 @@ impl HiddenState {
         }
     }
 
-    /// A number, bit by bit.
+    /// A number, bit by bit; it may be infinite.
     pub fn real(&mut self, real: &mut f64) {
         let mut bits = real.to_bits();
         self.word(&mut bits);
         *real = f64::from_bits(bits);
+        self.is_sound &= !(self.is_loading() && real.is_nan());
+    }
+
+    fn finite(&mut self, real: &mut f64) {
+        self.real(real);
+        self.is_sound &= !self.is_loading() || real.is_finite();
     }
 
     /// A truth.
@@ -110,17 +116,17 @@ impl HiddenState {
         *flag = word == 1;
     }
 
-    /// Numbers; there must be as many when they are loaded.
+    /// Finite numbers; there must be as many when they are loaded.
     pub fn reals(&mut self, reals: &mut [f64]) {
         self.length(reals.len());
-        reals.iter_mut().for_each(|real| self.real(real));
+        reals.iter_mut().for_each(|real| self.finite(real));
     }
 
-    /// Vectors; there must be as many when they are loaded.
+    /// Finite vectors; there must be as many when they are loaded.
     pub fn vectors(&mut self, vectors: &mut [Vector3<f64>]) {
         self.length(vectors.len());
         for component in vectors.iter_mut().flatten() {
-            self.real(component);
+            self.finite(component);
         }
     }
 

@@ -10,6 +10,7 @@ mod study;
 mod summary;
 
 use clap::{Parser, Subcommand};
+use springs::io::WriteError;
 use std::io::Write as _;
 use std::process::ExitCode;
 
@@ -61,8 +62,20 @@ struct Advised {
 
 /// A result could not be written though the command and the scene are right.
 #[derive(Debug, thiserror::Error)]
-#[error(transparent)]
-struct Unwritten(#[from] springs::io::WriteError);
+#[error("{error}")]
+struct Unwritten {
+    error: WriteError,
+    advice: Option<String>,
+}
+
+impl From<WriteError> for Unwritten {
+    fn from(error: WriteError) -> Self {
+        Self {
+            error,
+            advice: None,
+        }
+    }
+}
 
 pub(crate) fn main() -> ExitCode {
     let arguments = Arguments::parse();
@@ -83,15 +96,17 @@ pub(crate) fn main() -> ExitCode {
 
 fn report_error(error: &anyhow::Error) -> u8 {
     say_error(&error.to_string());
-    if let Some(advice) = error
-        .downcast_ref::<Advised>()
-        .and_then(|e| e.advice.as_ref())
-    {
+    let advised = error.downcast_ref::<Advised>();
+    let unwritten = error.downcast_ref::<Unwritten>();
+    let advice = advised.map(|error| &error.advice);
+    let advice = advice.or(unwritten.map(|error| &error.advice));
+    if let Some(Some(advice)) = advice {
         say(&format!("  {advice}"));
     }
-    match error.is::<Unwritten>() {
-        true => EXIT_UNWRITTEN,
-        false => EXIT_WRONG,
+    if unwritten.is_some() {
+        EXIT_UNWRITTEN
+    } else {
+        EXIT_WRONG
     }
 }
 
@@ -108,7 +123,10 @@ fn say(line: &str) {
 fn print(text: &str) -> anyhow::Result<()> {
     let mut out = std::io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(error.into()),
+        Err(source) if source.kind() != std::io::ErrorKind::BrokenPipe => {
+            let path = "standard output".into();
+            Err(Unwritten::from(WriteError { path, source }).into())
+        }
         _ => Ok(()),
     }
 }

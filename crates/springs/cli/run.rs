@@ -1,17 +1,18 @@
 //! `springs run`: simulate a scene; `springs resume`: go on where one stopped.
 
-use super::output::{CHECKPOINT, Extra, Output, Written};
+use super::output::{CHECKPOINT, Extra, Output, Written, lock, make_folder, quoted};
 use super::signals::Signals;
 use super::source::SceneArguments;
 use super::{Advised, Ending, Unwritten, say, say_error, summary};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::{Deserialize, Serialize};
 use springs::io::{
-    Checkpoint, ContinueError, parse_scene, read_checkpoint, scene_to_string, write_checkpoint,
+    Checkpoint, ContinueError, Report, WriteError, parse_scene, read_checkpoint, scene_to_string,
+    write_checkpoint,
 };
 use springs::report::{self, Timings, report};
 use springs::scene::Scene;
-use springs::step::{Account, Frame, Islands, Observer, Outcome};
+use springs::step::{Account, Frame, Islands, Observer, Outcome, StepError};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -97,6 +98,30 @@ struct About {
     written: Written,
 }
 
+impl About {
+    /// A sound check sum does not make a sound run.
+    fn check(&self, scene: &Scene, islands: &Islands) -> Result<(), &'static str> {
+        let duration = scene.settings.duration;
+        let clocks = islands.parts().iter();
+        let clocks = clocks.map(|part| part.simulation().stepper().time());
+        let mut times = clocks.chain([islands.time()]);
+        let nodes = islands.nodes();
+        let mut numbers = nodes.positions.iter().chain(&nodes.velocities).flatten();
+        let most_intervals = default_intervals(scene).max(u32::MAX as usize);
+        if !times.all(|time| (0.0..=duration).contains(&time)) {
+            Err("its time is not one of the run")
+        } else if !numbers.all(|number| number.is_finite()) {
+            Err("a node is nowhere")
+        } else if !(1..=most_intervals).contains(&self.intervals) {
+            Err("its number of frames is not one of a run")
+        } else if !self.written.fits(scene) {
+            Err("its pictures are not of this scene")
+        } else {
+            Ok(())
+        }
+    }
+}
+
 /// A run on its way.
 struct Run {
     scene: Scene,
@@ -108,6 +133,8 @@ struct Run {
     begin: Instant,
     setup: Duration,
     quiet: bool,
+    /// What was written when the last files began to be.
+    at_the_end: Option<Written>,
 }
 
 pub(crate) fn run(arguments: &RunArguments) -> anyhow::Result<Ending> {
@@ -117,12 +144,12 @@ pub(crate) fn run(arguments: &RunArguments) -> anyhow::Result<Ending> {
         Some(folder) => folder.clone(),
         None => arguments.scene.stem(),
     };
-    Output::check(&folder, arguments.force)?;
+    Output::check(&folder, arguments.scene.path(), arguments.force)?;
     let source = arguments.scene.load()?;
     let islands = Islands::new(&source.scene).map_err(|error| source.advised(&error))?;
     let intervals = match arguments.frames {
         Some(frames) => frames as usize,
-        None => (60.0 * source.scene.settings.duration).round().max(1.0) as usize,
+        None => default_intervals(&source.scene),
     };
     let run = Run {
         scene: source.scene,
@@ -134,11 +161,16 @@ pub(crate) fn run(arguments: &RunArguments) -> anyhow::Result<Ending> {
         begin,
         setup: begin.elapsed(),
         quiet: arguments.quiet,
+        at_the_end: None,
     };
-    let lasting = run.every.is_some();
     run.signals.note_the_first();
-    let output = Output::begin(&run.folder, &arguments.write, intervals, lasting)?;
+    let output = Output::begin(&run.folder, &arguments.write, intervals, arguments.force)?;
     run.go(output)
+}
+
+/// 60 a second.
+fn default_intervals(scene: &Scene) -> usize {
+    (60.0 * scene.settings.duration).round().max(1.0) as usize
 }
 
 pub(crate) fn resume(arguments: &ResumeArguments) -> anyhow::Result<Ending> {
@@ -146,9 +178,11 @@ pub(crate) fn resume(arguments: &ResumeArguments) -> anyhow::Result<Ending> {
     let signals = Signals::watch();
     let folder = &arguments.folder;
     let path = folder.join(CHECKPOINT);
+    // Nobody may write a checkpoint while it is read.
+    let lock = lock(folder)?;
     if !path.exists() {
         return Err(Advised {
-            message: format!("{} holds no checkpoint", folder.display()),
+            message: format!("the folder {} holds no checkpoint", quoted(folder)),
             advice: Some(
                 "runs with --checkpoint leave one until they are finished, and interrupted ones"
                     .to_owned(),
@@ -173,7 +207,10 @@ pub(crate) fn resume(arguments: &ResumeArguments) -> anyhow::Result<Ending> {
         .restore(words)
         .map_err(|error| foreign(&path, &error.to_string()))?;
     signals.note_the_first();
-    let output = Output::resume(folder, &about.written).map_err(|error| match error {
+    about
+        .check(&scene, &islands)
+        .map_err(|why| foreign(&path, why))?;
+    let output = Output::resume(folder, lock, &about.written).map_err(|error| match error {
         ContinueError::File(error) => anyhow::Error::from(Unwritten::from(error)),
         other => foreign(&path, &other.to_string()).into(),
     })?;
@@ -187,94 +224,53 @@ pub(crate) fn resume(arguments: &ResumeArguments) -> anyhow::Result<Ending> {
         begin,
         setup: begin.elapsed(),
         quiet: arguments.quiet,
+        at_the_end: None,
     };
     run.go(output)
 }
 
 fn foreign(path: &Path, why: &str) -> Advised {
     Advised {
-        message: format!("the run cannot go on from {}: {why}", path.display()),
+        message: format!("the run cannot go on from {}: {why}", quoted(path)),
         advice: Some("start it again with `springs run … --force`".to_owned()),
     }
+}
+
+/// What came out.
+struct Results {
+    ending: report::Ending,
+    report: Report,
+    written: Vec<&'static str>,
 }
 
 impl Run {
     /// Simulates to the end, or until something stops it, and writes.
     fn go(mut self, output: Output) -> anyhow::Result<Ending> {
-        let mut watcher = Watcher {
-            is_interrupted: self.signals.is_interrupted(),
-            progress: match self.quiet {
-                true => ProgressBar::hidden(),
-                false => progress_bar(),
-            },
-            last_drawn: Instant::now(),
-            duration: self.islands.duration(),
-            output,
-            writing: Duration::ZERO,
-            failure: None,
-            every: self.every,
-            steps: 0,
-            next_checkpoint: self.islands.time(),
-            is_due: self.every.is_some(),
-        };
+        let mut watcher = self.watcher(output);
         let running = Instant::now();
-        let outcome = loop {
-            if watcher.is_due {
-                self.checkpoint(&mut watcher)?;
-            }
-            let frames = match watcher.output.wants_frames() {
-                true => self.intervals,
-                false => 1,
-            };
-            let outcome = self.islands.run(frames, &mut watcher);
-            if let Some(unwritten) = watcher.failure {
-                watcher.progress.finish_and_clear();
-                return Err(unwritten.into());
-            }
-            // A checkpoint stops a run only to be written.
-            let goes_on = watcher.is_due && !watcher.is_interrupted();
-            if !(goes_on && outcome == Ok(Outcome::Stopped)) {
-                break outcome;
-            }
-        };
-        let stepping = running.elapsed() - watcher.writing;
+        let outcome = self.simulate(&mut watcher);
+        watcher.stepping = running.elapsed().saturating_sub(watcher.writing);
         watcher.progress.finish_and_clear();
-        let ending = match outcome {
-            Ok(Outcome::Finished) => report::Ending::Finished,
-            Ok(Outcome::Stopped) => report::Ending::Interrupted,
-            Err(error) => report::Ending::Failed(error),
+        let results = match outcome {
+            Ok(outcome) => self.complete(&mut watcher, outcome),
+            Err(unwritten) => Err(unwritten),
         };
-        if ending == report::Ending::Interrupted {
-            self.checkpoint(&mut watcher)?;
-        }
-
-        let writing = Instant::now();
-        let time = self.islands.time();
-        let written = watcher.output.finish(&self.last(), time)?;
-        let timings = Timings {
-            setup: self.setup,
-            stepping,
-            output: watcher.writing + writing.elapsed(),
-            total: self.begin.elapsed(),
+        let Results {
+            ending,
+            report,
+            written,
+        } = match results {
+            Ok(results) => results,
+            Err(unwritten) => return Err(self.save_what_fits(&mut watcher, unwritten).into()),
         };
-        let report = report(&self.scene, &self.islands, ending, timings);
-        watcher.output.report(&report)?;
-        if ending == report::Ending::Finished {
-            // What is finished needs no checkpoint; if it stays, nothing is lost.
-            let _ = std::fs::remove_file(self.folder.join(CHECKPOINT));
-        }
-
         if !self.quiet {
-            say(&summary::summary(
-                &self.scene,
-                &report,
-                watcher.output.folder(),
-                &written,
-            ));
+            let folder = watcher.output.folder();
+            say(&summary::summary(&self.scene, &report, folder, &written));
         }
         Ok(match ending {
             report::Ending::Finished => Ending::Done,
             report::Ending::Interrupted => {
+                let time = summary::short(self.islands.time());
                 say_error(&format!(
                     "interrupted at {time} s; everything up to then is written"
                 ));
@@ -292,21 +288,131 @@ impl Run {
         })
     }
 
-    fn checkpoint(&mut self, watcher: &mut Watcher) -> anyhow::Result<()> {
-        let start = Instant::now();
-        let about = About {
-            springs_version: env!("CARGO_PKG_VERSION").to_owned(),
-            scene: scene_to_string(&self.scene),
-            skip: self.scene.settings.skip,
-            intervals: self.intervals,
+    fn watcher(&self, output: Output) -> Watcher {
+        Watcher {
+            is_interrupted: self.signals.is_interrupted(),
+            progress: match self.quiet {
+                true => ProgressBar::hidden(),
+                false => progress_bar(),
+            },
+            last_drawn: Instant::now(),
+            duration: self.islands.duration(),
+            output,
+            stepping: Duration::ZERO,
+            writing: Duration::ZERO,
+            failure: None,
             every: self.every,
-            written: watcher.output.written(),
+            steps: 0,
+            next_checkpoint: self.islands.time(),
+            is_due: self.every.is_some(),
+        }
+    }
+
+    /// Runs, with a checkpoint whenever one is due.
+    fn simulate(&mut self, watcher: &mut Watcher) -> Result<Result<Outcome, StepError>, Unwritten> {
+        loop {
+            if watcher.is_due {
+                self.checkpoint(watcher)?;
+            }
+            let frames = match watcher.output.wants_frames() {
+                true => self.intervals,
+                false => 1,
+            };
+            let outcome = self.islands.run(frames, watcher);
+            if let Some(unwritten) = watcher.failure.take() {
+                return Err(unwritten);
+            }
+            // A checkpoint stops a run only to be written.
+            let goes_on = watcher.is_due && !watcher.is_interrupted();
+            if !(goes_on && outcome == Ok(Outcome::Stopped)) {
+                return Ok(outcome);
+            }
+        }
+    }
+
+    /// Writes what is written at the end, and removes what an older run left.
+    fn complete(
+        &mut self,
+        watcher: &mut Watcher,
+        outcome: Result<Outcome, StepError>,
+    ) -> Result<Results, Unwritten> {
+        let ending = match outcome {
+            Ok(Outcome::Finished) => report::Ending::Finished,
+            Ok(Outcome::Stopped) => report::Ending::Interrupted,
+            Err(error) => report::Ending::Failed(error),
         };
-        let checkpoint = Checkpoint {
-            about: serde_json::to_string(&about)?,
-            words: self.islands.save(),
+        if ending == report::Ending::Interrupted {
+            self.checkpoint(watcher)?;
+        }
+        let writing = Instant::now();
+        self.at_the_end = Some(watcher.output.written());
+        let time = self.islands.time();
+        let written = watcher.output.finish(&self.last(), time)?;
+        watcher.writing += writing.elapsed();
+        let report = self.report(watcher, ending);
+        watcher.output.report(&report)?;
+        let is_finished = ending == report::Ending::Finished;
+        watcher.output.remove_others(&written, is_finished);
+        Ok(Results {
+            ending,
+            report,
+            written,
+        })
+    }
+
+    fn report(&self, watcher: &Watcher, ending: report::Ending) -> Report {
+        let timings = Timings {
+            setup: self.setup,
+            stepping: watcher.stepping,
+            output: watcher.writing,
+            total: self.begin.elapsed(),
         };
-        write_checkpoint(&self.folder.join(CHECKPOINT), &checkpoint).map_err(Unwritten::from)?;
+        report(&self.scene, &self.islands, ending, timings)
+    }
+
+    /// After a file could not be written: saves the rest as far as there is room,
+    /// so that the run can go on when there is more.
+    fn save_what_fits(&mut self, watcher: &mut Watcher, unwritten: Unwritten) -> Unwritten {
+        let at_the_end = self.at_the_end.take();
+        let written = at_the_end.unwrap_or_else(|| watcher.output.written());
+        let report = self.report(watcher, report::Ending::Interrupted);
+        let mut saved = watcher.output.save_what_fits(&self.last(), &report);
+        let can_go_on = watcher.output.holds_tables(&written);
+        if can_go_on && self.write_checkpoint(written).is_ok() {
+            watcher.output.checkpoint_written();
+        }
+        let can_go_on = can_go_on && watcher.output.owns_checkpoint();
+        if can_go_on {
+            saved.push(CHECKPOINT);
+        }
+        let time = summary::short(self.islands.time());
+        let advice = if saved.is_empty() {
+            format!("nothing of the run could be saved; it had come to {time} s")
+        } else if can_go_on {
+            format!(
+                "it had come to {time} s; saved are {}; once files can be written again,                  `springs resume {}` goes on",
+                saved.join(", "),
+                self.folder.display()
+            )
+        } else {
+            format!("it had come to {time} s; saved are {}", saved.join(", "))
+        };
+        Unwritten {
+            advice: Some(advice),
+            ..unwritten
+        }
+    }
+
+    fn checkpoint(&mut self, watcher: &mut Watcher) -> Result<(), Unwritten> {
+        let start = Instant::now();
+        // It may have been removed on the way.
+        make_folder(&self.folder)?;
+        if self.every.is_some() {
+            // What a checkpoint goes on from must be there after a kill.
+            watcher.output.keep_tables()?;
+        }
+        self.write_checkpoint(watcher.output.written())?;
+        watcher.output.checkpoint_written();
         watcher.is_due = false;
         watcher.steps = 0;
         if let Some(Every::Seconds(seconds)) = self.every {
@@ -315,6 +421,24 @@ impl Run {
         }
         watcher.writing += start.elapsed();
         Ok(())
+    }
+
+    fn write_checkpoint(&mut self, written: Written) -> Result<(), WriteError> {
+        let path = self.folder.join(CHECKPOINT);
+        let about = About {
+            springs_version: env!("CARGO_PKG_VERSION").to_owned(),
+            scene: scene_to_string(&self.scene),
+            skip: self.scene.settings.skip,
+            intervals: self.intervals,
+            every: self.every,
+            written,
+        };
+        let about = serde_json::to_string(&about).map_err(|error| WriteError {
+            path: path.clone(),
+            source: error.into(),
+        })?;
+        let words = self.islands.save();
+        write_checkpoint(&path, &Checkpoint { about, words })
     }
 
     /// The scene as the simulation left it.
@@ -344,6 +468,7 @@ struct Watcher {
     last_drawn: Instant,
     duration: f64,
     output: Output,
+    stepping: Duration,
     writing: Duration,
     failure: Option<Unwritten>,
     every: Option<Every>,
@@ -362,6 +487,8 @@ impl Watcher {
         self.is_interrupted.load(Ordering::SeqCst)
     }
 
+    /// A failure ends the run at the next step: what belongs to this one is kept
+    /// to be written later, as long as it is not too much.
     fn write(
         &mut self,
         write: impl FnOnce(&mut Output) -> Result<(), Unwritten>,
@@ -369,15 +496,18 @@ impl Watcher {
         let start = Instant::now();
         let written = write(&mut self.output);
         self.writing += start.elapsed();
-        match written {
-            Ok(()) => ControlFlow::Continue(()),
-            Err(error) => {
-                self.failure = Some(error);
-                ControlFlow::Break(())
+        if let Err(error) = written {
+            self.failure.get_or_insert(error);
+            if self.output.n_unwritten() > MOST_UNWRITTEN {
+                return ControlFlow::Break(());
             }
         }
+        ControlFlow::Continue(())
     }
 }
+
+/// Bytes of rows that are kept in memory if they cannot be written.
+const MOST_UNWRITTEN: usize = 1 << 28;
 
 impl Observer for Watcher {
     fn frame(&mut self, frame: Frame<'_>) -> ControlFlow<()> {
@@ -405,7 +535,7 @@ impl Observer for Watcher {
             Some(Every::Steps(steps)) => self.steps >= steps,
             Some(Every::Seconds(_)) => time >= self.next_checkpoint,
         };
-        if self.is_due || self.is_interrupted() {
+        if self.is_due || self.is_interrupted() || self.failure.is_some() {
             ControlFlow::Break(())
         } else {
             ControlFlow::Continue(())

@@ -51,11 +51,19 @@ pub(crate) struct SceneArguments {
 }
 
 impl SceneArguments {
-    /// The file's name without its ending.
+    /// The scene file.
+    pub(crate) fn path(&self) -> &Path {
+        &self.scene
+    }
+
+    /// The file's name without its ending; `scene` where that would be no folder
+    /// of its own.
     pub(crate) fn stem(&self) -> PathBuf {
-        match self.scene.file_stem() {
-            Some(stem) if self.scene != Path::new("-") => stem.into(),
-            _ => "scene".into(),
+        let stem = self.scene.file_stem().unwrap_or_default();
+        if [".", "..", "-", ""].iter().any(|name| stem == *name) {
+            "scene".into()
+        } else {
+            stem.into()
         }
     }
 

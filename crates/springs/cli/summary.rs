@@ -125,7 +125,7 @@ pub(crate) fn summary(scene: &Scene, report: &Report, folder: &Path, written: &[
 }
 
 /// Four significant digits.
-fn short(value: f64) -> String {
+pub(crate) fn short(value: f64) -> String {
     let text = format!("{value:.3e}");
     let rounded: f64 = text.parse().unwrap_or(value);
     match rounded.abs() {

@@ -1,0 +1,275 @@
+//! Runs whose folder, disk or checkpoint is in trouble.
+
+#![cfg(unix)]
+
+mod common;
+
+use common::desk::{Desk, signal, wait_until};
+use springs::io::{Checkpoint, read_checkpoint, read_scene, write_checkpoint};
+use std::collections::BTreeMap;
+use std::process::{Command, Output, Stdio};
+
+const RESULTS: [&str; 4] = ["final.ron", "trajectory.csv", "energy.csv", "filmstrip.svg"];
+
+/// All files of a folder.
+fn contents(desk: &Desk, folder: &str) -> BTreeMap<String, Vec<u8>> {
+    let names = desk.names(folder).into_iter();
+    let read = |name: String| {
+        let bytes = std::fs::read(desk.path(folder).join(&name)).unwrap();
+        (name, bytes)
+    };
+    names.map(read).collect()
+}
+
+/// Runs the program with files limited to about so many kilobytes (or half of
+/// that, where the shell counts so).
+fn with_small_files(desk: &Desk, kilobytes: u32, arguments: &str) -> Output {
+    let program = env!("CARGO_BIN_EXE_springs");
+    Command::new("sh")
+        .args([
+            "-c",
+            &format!("ulimit -f {kilobytes}; exec {program} {arguments}"),
+        ])
+        .current_dir(desk.folder())
+        .stdin(Stdio::null())
+        .output()
+        .unwrap()
+}
+
+#[test]
+fn old_results_stay_until_there_are_new_ones() {
+    let desk = Desk::new();
+    desk.scene("net.ron", "cloth 6 --duration 0.2");
+    desk.expect(0, "run net.ron --out d --write csv,svg --quiet");
+    let old = contents(&desk, "d");
+    // It goes on in place, and is killed.
+    let options = "--duration 1e6 --write csv --frames 1000000 --force --quiet";
+    let mut child = desk.start(&format!("run d/final.ron --out d {options}"));
+    let size = desk.size("d");
+    wait_until("frames are written", || desk.size("d") > size + 100_000);
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let mut left = contents(&desk, "d");
+    left.retain(|name, _| !name.starts_with(".springs-"));
+    assert!(left == old, "of the older run: {:?}", desk.names("d"));
+    // The next one comes to its end: what it does not write is gone, and so is
+    // what the killed one left.
+    desk.expect(0, "run d/final.ron --out d --force --quiet");
+    assert_eq!(desk.names("d"), ["final.ron", "report.json"]);
+    assert!(desk.read("d/final.ron").as_bytes() != old["final.ron"]);
+}
+
+#[test]
+fn a_scene_is_not_replaced_by_something_else() {
+    let desk = Desk::new();
+    desk.scene("net.ron", "cloth 4 --duration 0.1");
+    std::fs::create_dir(desk.path("d")).unwrap();
+    std::fs::copy(desk.path("net.ron"), desk.path("d/trajectory.csv")).unwrap();
+    let said = desk.expect(2, "run d/trajectory.csv --out d --force");
+    assert!(said.contains("is a file that this run writes"), "{said}");
+    assert_eq!(desk.names("d"), ["trajectory.csv"]);
+    assert_eq!(desk.read("d/trajectory.csv"), desk.read("net.ron"));
+}
+
+#[test]
+fn two_runs_do_not_share_a_folder() {
+    let desk = Desk::new();
+    desk.scene("net.ron", "cloth 6 --duration 1e6");
+    desk.scene("short.ron", "cloth 4 --duration 0.1");
+    let mut child = desk.start("run net.ron --out d --checkpoint 100 --write csv --quiet");
+    wait_until("a checkpoint", || desk.path("d/checkpoint.bin").exists());
+    for arguments in ["run short.ron --out d --force", "resume d"] {
+        let said = desk.expect(2, arguments);
+        assert!(
+            said.contains("another run is writing into the folder `d`"),
+            "{said}"
+        );
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    // A killed run locks nothing.
+    desk.expect(0, "run short.ron --out d --force --quiet");
+    assert_eq!(desk.names("d"), ["final.ron", "report.json"]);
+}
+
+#[test]
+fn a_run_that_finds_no_room_can_go_on() {
+    for more in ["", "--checkpoint 0.05s"] {
+        let desk = Desk::new();
+        desk.scene("net.ron", "cloth 8 --duration 1");
+        let options = format!("--write csv,energy,svg --frames 300 {more}");
+        desk.expect(0, &format!("run net.ron --out whole --quiet {options}"));
+        assert!(desk.read("whole/trajectory.csv").len() > 2_000_000);
+
+        let output = with_small_files(&desk, 1000, &format!("run net.ron --out d {options}"));
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(1), "{said}");
+        assert!(said.contains("cannot write d/trajectory.csv: "), "{said}");
+        assert!(
+            said.contains(
+                "saved are trajectory.csv.part, energy.csv.part, final.ron, report.json, checkpoint.bin"
+            ),
+            "{said}"
+        );
+        assert_eq!(
+            desk.names("d"),
+            [
+                "checkpoint.bin",
+                "energy.csv.part",
+                "final.ron",
+                "report.json",
+                "trajectory.csv.part"
+            ]
+        );
+        assert!(read_scene(&desk.path("d/final.ron")).is_ok());
+        assert_eq!(desk.report("d")["status"], "interrupted");
+        // As long as there is no room, nothing is lost.
+        let output = with_small_files(&desk, 1000, "resume d --quiet");
+        assert_eq!(output.status.code(), Some(1));
+
+        desk.expect(0, "resume d --quiet");
+        for name in RESULTS {
+            let (whole, resumed) = (format!("whole/{name}"), format!("d/{name}"));
+            assert!(desk.read(&whole) == desk.read(&resumed), "{name} {more}");
+        }
+    }
+}
+
+#[test]
+fn a_run_without_any_room_says_so() {
+    let desk = Desk::new();
+    desk.scene("net.ron", "cloth 8 --duration 0.1");
+    for options in ["--write csv", "--checkpoint 1", ""] {
+        let output = with_small_files(&desk, 1, &format!("run net.ron --out d {options}"));
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(1), "{said}");
+        assert!(said.starts_with("error: cannot write d/"), "{said}");
+        assert!(said.contains("  it had come to ") || said.contains("  nothing of the run"));
+        let names = desk.names("d");
+        assert!(!names.contains(&"final.ron".to_owned()), "{names:?}");
+        std::fs::remove_dir_all(desk.path("d")).unwrap();
+    }
+}
+
+/// Nobody may write there, not even root.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_folder_that_cannot_be_written_to_is_noticed_at_the_start() {
+    let desk = Desk::new();
+    desk.scene("net.ron", "cloth 8 --duration 1e9");
+    let said = desk.expect(1, "run net.ron --out /proc");
+    assert!(said.contains("cannot write /proc/final.ron"), "{said}");
+}
+
+#[test]
+fn a_folder_that_is_removed_is_made_again() {
+    let desk = Desk::new();
+    desk.scene("net.ron", "cloth 6 --duration 1e6");
+    let mut child = desk.start("run net.ron --out d --checkpoint 1e5s --quiet");
+    wait_until("a checkpoint", || desk.path("d/checkpoint.bin").exists());
+    std::fs::remove_dir_all(desk.path("d")).unwrap();
+    signal(&child, "INT");
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    assert_eq!(
+        desk.names("d"),
+        ["checkpoint.bin", "final.ron", "report.json"]
+    );
+    // Its table is gone with the folder.
+    let options = "--write csv --frames 1000000 --force --quiet";
+    let child = desk.start_heard(&format!("run net.ron --out d {options}"));
+    let size = desk.size("d");
+    wait_until("frames are written", || desk.size("d") > size + 100_000);
+    std::fs::remove_dir_all(desk.path("d")).unwrap();
+    signal(&child, "INT");
+    let output = child.wait_with_output().unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("cannot write d/trajectory.csv: "), "{said}");
+    assert!(
+        said.contains("saved are final.ron, report.json\n"),
+        "{said}"
+    );
+}
+
+#[test]
+fn a_table_that_was_changed_or_removed_is_not_continued() {
+    let desk = Desk::new();
+    desk.scene("net.ron", "cloth 6 --duration 1e6");
+    let mut child = desk.start("run net.ron --out d --write csv --frames 1000000 --quiet");
+    wait_until("frames are written", || desk.size("d") > 100_000);
+    signal(&child, "INT");
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    let sound = contents(&desk, "d");
+    let path = desk.path("d/trajectory.csv");
+
+    std::fs::write(&path, "time,node\n").unwrap();
+    let said = desk.expect(2, "resume d");
+    assert!(
+        said.contains("trajectory.csv is not what the run"),
+        "{said}"
+    );
+    std::fs::remove_file(&path).unwrap();
+    let said = desk.expect(2, "resume d");
+    assert!(said.contains("trajectory.csv is gone"), "{said}");
+    assert_eq!(
+        desk.names("d"),
+        ["checkpoint.bin", "final.ron", "report.json"]
+    );
+
+    // Put back, it is continued.
+    std::fs::write(&path, &sound["trajectory.csv"]).unwrap();
+    let mut child = desk.start("resume d --quiet");
+    let size = desk.size("d");
+    wait_until("frames are written", || {
+        desk.size("d") > size + sound["trajectory.csv"].len() as u64 + 100_000
+    });
+    signal(&child, "INT");
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    let longer = std::fs::read(&path).unwrap();
+    assert!(longer.len() > sound["trajectory.csv"].len());
+    assert!(longer.starts_with(&sound["trajectory.csv"]));
+}
+
+/// A sound check sum, and a content that no run has written.
+#[test]
+fn checkpoints_with_impossible_content_do_no_harm() {
+    let desk = Desk::new();
+    desk.scene("chain.ron", "chain 2 --duration 1e5");
+    let mut child = desk.start("run chain.ron --out d --write svg --frames 4 --quiet");
+    wait_until("the run is on its way", || desk.path("d").exists());
+    signal(&child, "INT");
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    let path = desk.path("d/checkpoint.bin");
+    let Checkpoint { about, words } = read_checkpoint(&path).unwrap();
+
+    let refused = |about: &str, words: &[u64]| {
+        let (about, words) = (about.to_owned(), words.to_vec());
+        write_checkpoint(&path, &Checkpoint { about, words }).unwrap();
+        let output = desk.springs("resume d");
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert!(said.contains("the run cannot go on from"), "{said}");
+    };
+    // Not a number, infinity: at the places where the state has numbers.
+    let mut n_reals = 0;
+    for index in 0..words.len() {
+        let real = f64::from_bits(words[index]);
+        if !(real.is_normal() && (1e-9..1e9).contains(&real.abs())) {
+            continue;
+        }
+        n_reals += 1;
+        let mut changed = words.clone();
+        changed[index] = f64::NAN.to_bits();
+        refused(&about, &changed);
+    }
+    assert!(n_reals > 10, "{n_reals} numbers in the state");
+    for (sound, wrong) in [
+        ("\"intervals\":4", "\"intervals\":9223372036854775808"),
+        ("\"intervals\":4", "\"intervals\":0"),
+        ("[[0,[[", "[[9218868437227405312,[["),
+        ("[[0,[[", "[[0,[]],[0,[["),
+    ] {
+        assert!(about.contains(sound), "{about}");
+        refused(&about.replacen(sound, wrong, 1), &words);
+    }
+}
