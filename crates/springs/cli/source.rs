@@ -67,6 +67,46 @@ impl SceneArguments {
         }
     }
 
+    /// The first argument that settles what a study tries out.
+    pub(crate) fn chooses_method_or_step(&self) -> Option<&'static str> {
+        let given = [
+            ("--method", self.method.is_some()),
+            ("--tangent", self.tangent.is_some()),
+            ("--step", self.step.is_some()),
+            ("--tolerance", self.tolerance.is_some()),
+        ];
+        let first = given.into_iter().find(|(_, is_given)| *is_given);
+        first.map(|(flag, _)| flag)
+    }
+
+    /// The scene file and [`Self::flags`], as they are typed into a shell.
+    pub(crate) fn words(&self) -> Vec<String> {
+        let mut words = vec![quoted(&self.scene.display().to_string())];
+        words.extend(self.flags());
+        words
+    }
+
+    /// All arguments that were given but the scene file, method, tangent, step and
+    /// tolerance. Numbers read back to the same bits.
+    pub(crate) fn flags(&self) -> Vec<String> {
+        let mut flags = Vec::new();
+        let mut add = |flag: &str, value: Option<String>| {
+            if let Some(value) = value {
+                flags.extend([flag.to_owned(), value]);
+            }
+        };
+        add("--duration", self.duration.map(|t| format!("{t:?}")));
+        add("--solution", self.solution.map(|how| how.to_string()));
+        add("--sleep", self.sleep.map(|reach| format!("{reach:?}")));
+        add("--threads", self.threads.map(|n| n.to_string()));
+        for (flag, is_given) in [("--rescue", self.rescue), ("--no-skip", self.no_skip)] {
+            if is_given {
+                flags.push(flag.to_owned());
+            }
+        }
+        flags
+    }
+
     /// Reads the scene. All that is wrong with it becomes one error.
     pub(crate) fn load(&self) -> Result<Source, Advised> {
         let (file, text) = match self.scene == Path::new("-") {
@@ -120,7 +160,21 @@ pub(crate) struct Source {
     text: String,
 }
 
+/// A word as a shell reads it.
+fn quoted(word: &str) -> String {
+    let is_plain = |c: char| c.is_alphanumeric() || "-_./,+=".contains(c);
+    if !word.is_empty() && word.chars().all(is_plain) {
+        return word.to_owned();
+    }
+    format!("'{}'", word.replace('\'', "'\\''"))
+}
+
 impl Source {
+    /// Writes the text of the scene to another file.
+    pub(crate) fn copy_to(&self, path: &Path) -> std::io::Result<()> {
+        std::fs::write(path, &self.text)
+    }
+
     /// Why the scene cannot be simulated, with the place in its file.
     pub(crate) fn advised(&self, error: &SetupError) -> Advised {
         let advice = error.advice();

@@ -2,19 +2,21 @@
 
 use super::output::{claim, make_folder};
 use super::signals::Signals;
-use super::source::SceneArguments;
-use super::{Advised, Ending, Unwritten, say, say_error};
+use super::source::{SceneArguments, Source};
+use super::{Advised, Ending, Unwritten, print, say, say_error};
 use indicatif::{ProgressBar, ProgressStyle};
 use springs::io::write_whole;
-use springs::scene::Method;
+use springs::scene::{Method, printable};
 use springs::study::{
-    Options, Progress, StabilityMap, Study, StudyError, csv, diagram, recommendations, stability,
-    stability_csv, stability_diagram, study, table,
+    Options, Progress, StabilityMap, Study, StudyError, csv, diagram, method_notes,
+    recommendations, reference_csv, reference_note, stability, stability_csv, stability_diagram,
+    study, table,
 };
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::Ordering;
-use std::time::Duration;
+use std::process::{Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
 
 #[derive(clap::Args)]
 pub(crate) struct StudyArguments {
@@ -23,13 +25,12 @@ pub(crate) struct StudyArguments {
     /// Folder to write into [default: the scene's name without its ending]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Methods to compare [default: all]
-    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', help = methods_help())]
     methods: Vec<Method>,
     /// Time that all runs together should take, in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 30.0, value_parser = positive)]
     budget: f64,
-    /// How often short runs are repeated; the median counts
+    /// How often runs that may be recommended are measured; the least time counts
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
     repeats: u32,
     /// Map what becomes of the energy over step size and stiffness instead
@@ -43,9 +44,24 @@ pub(crate) struct StudyArguments {
     force: bool,
 }
 
+fn methods_help() -> String {
+    let names: Vec<&str> = Method::ALL
+        .iter()
+        .map(|method| method.kebab_name())
+        .collect();
+    format!(
+        "Methods to compare, with commas between them: {} [default: all but auto]",
+        names.join(", ")
+    )
+}
+
+/// In seconds: more than thirty years.
+const LONGEST_BUDGET: f64 = 1e9;
+
 fn positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
-        Ok(number) if number > 0.0 && number < 1e9 => Ok(number),
+        Ok(number) if number > LONGEST_BUDGET => Err(format!("must be {LONGEST_BUDGET:e} at most")),
+        Ok(number) if number > 0.0 => Ok(number),
         Ok(_) => Err("must be greater than zero".to_owned()),
         Err(error) => Err(error.to_string()),
     }
@@ -54,29 +70,37 @@ fn positive(text: &str) -> Result<f64, String> {
 const CSV: &str = "study.csv";
 const JSON: &str = "study.json";
 const DIAGRAM: &str = "study.svg";
+const REFERENCE: &str = "reference.csv";
 const MAP_CSV: &str = "stability.csv";
 const MAP_DIAGRAM: &str = "stability.svg";
 
 pub(crate) fn study_command(arguments: &StudyArguments) -> anyhow::Result<Ending> {
+    let begin = Instant::now();
     let signals = Signals::watch();
+    if let Some(flag) = arguments.scene.chooses_method_or_step() {
+        return Err(Advised {
+            message: format!("{flag} means nothing to a study, which tries methods and steps out"),
+            advice: Some("name the methods to compare with --methods".to_owned()),
+        }
+        .into());
+    }
     let folder = match &arguments.out {
         Some(folder) => folder.clone(),
         None => arguments.scene.stem(),
     };
     let files: &[&str] = match arguments.stability {
         true => &[MAP_CSV, MAP_DIAGRAM],
-        false => &[CSV, JSON, DIAGRAM],
+        false => &[CSV, JSON, DIAGRAM, REFERENCE],
     };
     claim(&folder, files, arguments.force)?;
     let source = arguments.scene.load()?;
     let mut options = Options {
-        budget: Duration::from_secs_f64(arguments.budget),
         repeats: arguments.repeats as usize,
+        command: format!("springs run {}", arguments.scene.words().join(" ")),
         ..Options::default()
     };
     if !arguments.methods.is_empty() {
         options.methods = arguments.methods.clone();
-        options.methods.retain(|method| *method != Method::Auto);
     }
     signals.note_the_first();
     let interrupted = signals.is_interrupted();
@@ -84,6 +108,7 @@ pub(crate) fn study_command(arguments: &StudyArguments) -> anyhow::Result<Ending
         true => ProgressBar::hidden(),
         false => progress_bar(),
     };
+    let budget = Duration::from_secs_f64(arguments.budget);
     let mut watch = |progress: Progress<'_>| {
         if !progress.what.is_empty() {
             bar.set_message(progress.what.to_owned());
@@ -94,30 +119,124 @@ pub(crate) fn study_command(arguments: &StudyArguments) -> anyhow::Result<Ending
             false => ControlFlow::Continue(()),
         }
     };
-    let ending = match arguments.stability {
-        true => stability(&source.scene, &options, &mut watch).map(|map| {
-            bar.finish_and_clear();
-            write_map(&map, &folder, arguments.quiet)
-        }),
-        false => study(&source.scene, &options, &mut watch).map(|study| {
-            bar.finish_and_clear();
-            write_study(&study, &folder, arguments.quiet)
-        }),
+    let ending = if arguments.stability {
+        options.budget = budget;
+        let map = stability(&source.scene, &options, &mut watch);
+        bar.finish_and_clear();
+        map.map(|map| write_map(&map, &folder, arguments.quiet))
+    } else {
+        options.budget = budget.mul_f64(1.0 - COMMANDS);
+        let study = study(&source.scene, &options, &mut watch);
+        let study = study.map(|mut study| {
+            let runs = Commands {
+                arguments: &arguments.scene,
+                source: &source,
+                until: begin + budget,
+                interrupted: &interrupted,
+            };
+            runs.time(&mut study, options.repeats);
+            study
+        });
+        bar.finish_and_clear();
+        study.map(|study| write_study(&study, &folder, arguments.quiet))
     };
-    bar.finish_and_clear();
-    match ending {
-        Ok(ending) => ending,
-        Err(StudyError::Setup(error)) => Err(source.advised(&error).into()),
-        Err(StudyError::Stopped) => {
-            say_error("interrupted before there was a reference solution; nothing is written");
-            Ok(Ending::Interrupted)
+    ending.unwrap_or_else(|error| unstudied(error, &source))
+}
+
+fn unstudied(error: StudyError, source: &Source) -> anyhow::Result<Ending> {
+    let advice = match &error {
+        StudyError::Setup(error) => return Err(source.advised(error).into()),
+        StudyError::Stopped => {
+            say_error("interrupted before there was a result; nothing is written");
+            return Ok(Ending::Interrupted);
         }
-        Err(error) => Err(Advised {
-            message: error.to_string(),
-            advice: Some("give it more time with --budget, or a shorter --duration".to_owned()),
+        StudyError::NoDuration(_) => Some("give one with --duration"),
+        StudyError::AllRefused(_) => Some("name others with --methods"),
+        StudyError::NoReference | StudyError::NoRun => {
+            Some("give it more time with --budget, or a shorter --duration")
         }
-        .into()),
+        _ => None,
+    };
+    Err(Advised {
+        message: error.to_string(),
+        advice: advice.map(str::to_owned),
     }
+    .into())
+}
+
+/// Part of the budget for the commands that are recommended.
+const COMMANDS: f64 = 0.1;
+
+/// Their runs are so short that they are repeated so many times as often.
+const MORE_REPEATS: usize = 3;
+
+/// Runs that take longer, in s, take as long in a process of their own.
+const SHORT: f64 = 0.05;
+
+/// Runs the recommended commands as a user would: a short run takes longer in a
+/// process that has just begun than in one that has made it before.
+struct Commands<'a> {
+    arguments: &'a SceneArguments,
+    source: &'a Source,
+    until: Instant,
+    interrupted: &'a AtomicBool,
+}
+
+impl Commands<'_> {
+    /// Replaces the times of short runs by those that the commands report. What
+    /// cannot be run that way keeps its time.
+    fn time(&self, study: &mut Study, repeats: usize) {
+        let Ok(program) = std::env::current_exe() else {
+            return;
+        };
+        let folder = std::env::temp_dir().join(format!("springs-study-{}", std::process::id()));
+        let scene = folder.join("scene.ron");
+        if std::fs::create_dir_all(&folder).is_ok() && self.source.copy_to(&scene).is_ok() {
+            let mut times = vec![f64::INFINITY; study.advice.len()];
+            for _ in 0..MORE_REPEATS * repeats {
+                for (advice, least) in study.advice.iter().zip(&mut times) {
+                    let is_over = Instant::now() > self.until;
+                    if advice.seconds > SHORT || is_over || self.is_interrupted() {
+                        continue;
+                    }
+                    let mut command = Command::new(&program);
+                    command.arg("run").arg(&scene).args(self.arguments.flags());
+                    command.args(advice.arguments());
+                    command
+                        .arg("--out")
+                        .arg(&folder)
+                        .args(["--force", "--quiet"]);
+                    if let Some(seconds) = reported(command, &folder) {
+                        *least = least.min(seconds);
+                    }
+                }
+            }
+            for (advice, seconds) in study.advice.iter_mut().zip(times) {
+                if seconds.is_finite() {
+                    advice.seconds = seconds;
+                }
+            }
+        }
+        // What is left there is of no use.
+        let _ = std::fs::remove_dir_all(&folder);
+    }
+
+    fn is_interrupted(&self) -> bool {
+        self.interrupted.load(Ordering::Relaxed)
+    }
+}
+
+/// The time that a run reports for setup and steps, in s.
+fn reported(mut command: Command, folder: &Path) -> Option<f64> {
+    command
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null());
+    command.status().ok().filter(|status| status.success())?;
+    let text = std::fs::read_to_string(folder.join("report.json")).ok()?;
+    let report: serde_json::Value = serde_json::from_str(&text).ok()?;
+    let seconds = &report["seconds"];
+    Some(seconds["setup"].as_f64()? + seconds["stepping"].as_f64()?)
 }
 
 fn write(folder: &Path, name: &str, text: &str) -> Result<(), Unwritten> {
@@ -138,46 +257,56 @@ fn write_map(map: &StabilityMap, folder: &Path, quiet: bool) -> anyhow::Result<E
             folder.display()
         ));
     }
-    Ok(match map.interrupted {
-        true => Ending::Interrupted,
-        false => Ending::Done,
-    })
+    Ok(ending(map.interrupted))
 }
 
 fn write_study(study: &Study, folder: &Path, quiet: bool) -> anyhow::Result<Ending> {
     make_folder(folder)?;
     write(folder, CSV, &csv(study))?;
     write(folder, JSON, &(serde_json::to_string_pretty(study)? + "\n"))?;
-    write(folder, DIAGRAM, &diagram(study))?;
+    write(folder, REFERENCE, &reference_csv(study))?;
+    let picture = diagram(study);
+    let mut written = vec![CSV, JSON, REFERENCE];
+    if picture.is_empty() {
+        // One of another study would not belong to this one.
+        let _ = std::fs::remove_file(folder.join(DIAGRAM));
+    } else {
+        write(folder, DIAGRAM, &picture)?;
+        written.push(DIAGRAM);
+    }
     if !quiet {
-        say(&format!(
-            "{}{} s, reference by {} at {:.0e} m, uncertain by {:.0e} m (against {})\n",
-            match study.scene.as_str() {
-                "" => String::new(),
-                name => format!("{name}: "),
-            },
-            study.duration,
-            study.reference.method,
-            study.reference.tolerance,
-            study.reference.uncertainty,
-            study.reference.compared_with,
-        ));
-        say(&table(study));
-        for (method, why) in &study.refused {
-            say(&format!("left out {method}: {why}"));
+        let name = match study.scene.as_str() {
+            "" => String::new(),
+            name => format!("{}: ", printable(name)),
+        };
+        let mut text = format!("{name}{} s\n{}\n\n", study.duration, reference_note(study));
+        text += &(table(study) + "\n");
+        for line in method_notes(study)
+            .into_iter()
+            .chain(recommendations(study))
+        {
+            text += &(line + "\n");
         }
-        for sentence in recommendations(study) {
-            say(&sentence);
+        print(&text)?;
+        if picture.is_empty() {
+            say(&format!("{DIAGRAM} is not written: all runs are worthless"));
         }
         say(&format!(
-            "wrote {CSV}, {JSON}, {DIAGRAM} into {}",
+            "wrote {} into {}",
+            written.join(", "),
             folder.display()
         ));
     }
-    Ok(match study.interrupted {
-        true => Ending::Interrupted,
-        false => Ending::Done,
-    })
+    Ok(ending(study.interrupted))
+}
+
+fn ending(is_interrupted: bool) -> Ending {
+    if is_interrupted {
+        say_error("interrupted; what there was is written, and is incomplete");
+        Ending::Interrupted
+    } else {
+        Ending::Done
+    }
 }
 
 /// Parts of the budget that the progress bar tells apart.

@@ -1,8 +1,11 @@
 //! The work-precision diagram.
 
+use super::order::observed_order;
 use super::{Study, Trial};
+use crate::inspect::count;
 use plotters::coord::Shift;
 use plotters::prelude::*;
+use springs_scene::printable;
 
 /// Colours that the colour-blind tell apart (after Okabe and Ito), darkest first
 /// for print.
@@ -25,7 +28,7 @@ const MARK: i32 = 4;
 
 /// Draws run time over error, both logarithmic, a line per method with its
 /// observed order, as SVG. Errors below the uncertainty of the reference are
-/// shaded. Empty if there is nothing to draw.
+/// shaded, worthless results left out. Empty if there is nothing to draw.
 pub fn diagram(study: &Study) -> String {
     let mut svg = String::new();
     let curves = curves(study);
@@ -48,7 +51,7 @@ struct Curve<'a> {
 
 fn curves(study: &Study) -> Vec<Curve<'_>> {
     let mut curves: Vec<Curve<'_>> = Vec::new();
-    for trial in &study.trials {
+    for trial in study.trials.iter().filter(|trial| !trial.worthless) {
         match curves.iter_mut().find(|curve| curve.method == trial.method) {
             Some(curve) => curve.trials.push(trial),
             None => curves.push(Curve {
@@ -58,32 +61,6 @@ fn curves(study: &Study) -> Vec<Curve<'_>> {
         }
     }
     curves
-}
-
-impl Curve<'_> {
-    /// How fast the error falls with the number of steps: slope of the line of
-    /// least squares through the logarithms, over errors that are told apart.
-    fn observed_order(&self) -> Option<f64> {
-        let told: Vec<(f64, f64)> = self
-            .trials
-            .iter()
-            .filter(|trial| !trial.at_floor && trial.error > 0.0)
-            .map(|trial| ((trial.steps as f64).ln(), trial.error.ln()))
-            .collect();
-        // The coarsest runs are not yet in the range where orders show.
-        let told = &told[told.len().saturating_sub(5)..];
-        if told.len() < 3 {
-            return None;
-        }
-        let n = told.len() as f64;
-        let (sx, sy) = told
-            .iter()
-            .fold((0.0, 0.0), |(sx, sy), (x, y)| (sx + x, sy + y));
-        let (mx, my) = (sx / n, sy / n);
-        let above: f64 = told.iter().map(|(x, y)| (x - mx) * (y - my)).sum();
-        let below: f64 = told.iter().map(|(x, _)| (x - mx).powi(2)).sum();
-        (below > 0.0).then_some(-above / below)
-    }
 }
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
@@ -103,26 +80,30 @@ fn draw(study: &Study, curves: &[Curve<'_>], root: &Area<'_>) -> DrawResult {
     let (errors, seconds) = (range(|trial| trial.error), range(|trial| trial.seconds));
     let title = match study.scene.as_str() {
         "" => "run time against error".to_owned(),
-        name => format!("{name}: run time against error"),
+        name => format!("{}: run time against error", printable(name)),
     };
     let mut chart = ChartBuilder::on(&left)
         .caption(title, ("sans-serif", 18))
         .margin(12)
-        .x_label_area_size(44)
-        .y_label_area_size(64)
+        .x_label_area_size(46)
+        .y_label_area_size(58)
         .build_cartesian_2d(errors.clone().log_scale(), seconds.clone().log_scale())?;
     let decades = |value: &f64| format!("{value:.0e}");
     chart
         .configure_mesh()
-        .x_desc(format!("error after {} s, m", study.duration))
-        .y_desc("run time, s")
+        .x_desc(format!("error after {} s (m)", study.duration))
+        .y_desc("run time (s)")
+        .axis_desc_style(("sans-serif", 15))
+        .label_style(("sans-serif", 12))
+        .max_light_lines(1)
         .x_label_formatter(&decades)
         .y_label_formatter(&decades)
         .light_line_style(RGBColor(240, 240, 240))
         .bold_line_style(RGBColor(215, 215, 215))
         .draw()?;
     let floor = study.reference.uncertainty;
-    if floor > errors.start {
+    let is_shaded = floor > errors.start;
+    if is_shaded {
         let corners = [(errors.start, seconds.start), (floor, seconds.end)];
         let shade = RGBColor(200, 200, 200).mix(0.5).filled();
         chart.draw_series([Rectangle::new(corners, shade)])?;
@@ -164,14 +145,29 @@ fn draw(study: &Study, curves: &[Curve<'_>], root: &Area<'_>) -> DrawResult {
             1 => right.draw(&TriangleMarker::new((22, y), MARK + 1, colour.filled()))?,
             _ => right.draw(&Cross::new((22, y), MARK, colour.stroke_width(2)))?,
         }
-        let order = match curve.observed_order() {
+        let order = match observed_order(&curve.trials) {
             Some(order) => format!(", order {order:.1}"),
             None => String::new(),
         };
         let text = format!("{}{order}", curve.method);
         right.draw(&Text::new(text, (44, y - 7), ("sans-serif", 14)))?;
     }
-    let y = 60 + 24 * curves.len() as i32;
-    let text = format!("shaded: reference uncertain, {floor:.0e} m");
-    right.draw(&Text::new(text, (8, y), ("sans-serif", 12)))
+    let mut notes = Vec::new();
+    if is_shaded {
+        notes.push(format!("shaded: reference uncertain, {floor:.0e} m"));
+    }
+    let worthless = study.trials.iter().filter(|trial| trial.worthless).count();
+    if worthless > 0 {
+        notes.push(format!("not drawn: {} at least", count(worthless, "run")));
+        notes.push(format!(
+            "{:.1e} m off, a tenth of the motion",
+            study.reference.worthless_from
+        ));
+    }
+    let top = 60 + 24 * curves.len() as i32;
+    for (line, note) in notes.into_iter().enumerate() {
+        let at = (8, top + 16 * line as i32);
+        right.draw(&Text::new(note, at, ("sans-serif", 12)))?;
+    }
+    Ok(())
 }

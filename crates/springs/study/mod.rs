@@ -3,30 +3,42 @@
 //! A [`Study`] makes a reference solution and says how far it can be trusted,
 //! runs the methods over a sweep of tolerances and steps, and sets the time
 //! each run took beside the error it ended with. The error is the largest
-//! distance of a node from its place in the reference at the end.
+//! distance of a node from its place in the reference at the end; where errors
+//! are a tenth of the motion and more, at any time of the run, a result is
+//! called worthless and never recommended.
+//!
+//! Every run is made in a thread of its own, so that none finds the processor or
+//! the memory as another one left it. The time of a run is the least of several:
+//! compiling the scene and all steps, without reading it or writing anything.
 //!
 //! A [`StabilityMap`] says what becomes of the scene's energy at any step size
 //! and stiffness.
 
+mod advice;
 mod diagram;
+mod order;
 mod reference;
+mod run;
 mod stability;
 mod sweep;
 mod words;
 
+pub use advice::Advice;
 pub use diagram::diagram;
 pub use reference::Reference;
 pub use stability::{
     Fate, StabilityMap, StabilityTrial, stability, stability_csv, stability_diagram,
 };
-pub use sweep::{Setting, Trial};
-pub use words::{csv, recommendations, table};
+pub use sweep::{MethodSummary, Setting, SweepEnd, Trial};
+pub use words::{csv, method_notes, recommendations, reference_csv, reference_note, table};
 
+use run::Clock;
 use serde::Serialize;
+use springs_assembly::compile;
 use springs_scene::{Method, Scene};
 use springs_step::SetupError;
 use std::ops::ControlFlow;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// How a study is made.
 #[derive(Clone, Debug)]
@@ -35,18 +47,22 @@ pub struct Options {
     pub methods: Vec<Method>,
     /// Time that all runs together should take.
     pub budget: Duration,
-    /// How often each run is repeated, if it is short; the median counts.
+    /// How often the runs that may be recommended are measured, spread over
+    /// time; the least time counts.
     pub repeats: usize,
+    /// What a recommended command begins with.
+    pub command: String,
 }
 
 impl Default for Options {
-    /// All methods, half a minute, three repeats.
+    /// All methods but [`Method::Auto`], half a minute, three repeats.
     fn default() -> Self {
         let all = Method::ALL.iter().copied();
         Self {
             methods: all.filter(|method| *method != Method::Auto).collect(),
             budget: Duration::from_secs(30),
             repeats: 3,
+            command: "springs run SCENE.ron".to_owned(),
         }
     }
 }
@@ -62,8 +78,12 @@ pub struct Study {
     pub reference: Reference,
     /// All runs, in the order in which they were made.
     pub trials: Vec<Trial>,
+    /// What became of each method.
+    pub methods: Vec<MethodSummary>,
     /// Methods that cannot move the scene, and why.
     pub refused: Vec<(String, String)>,
+    /// The quickest run for each error, largest error first.
+    pub advice: Vec<Advice>,
     /// Whether it was stopped before its end.
     pub interrupted: bool,
 }
@@ -71,7 +91,7 @@ pub struct Study {
 /// Where a study is.
 #[derive(Clone, Copy, Debug)]
 pub struct Progress<'a> {
-    /// What is being run.
+    /// What is being run; empty while that goes on.
     pub what: &'a str,
     /// Part of the budget that is used up.
     pub fraction: f64,
@@ -84,12 +104,40 @@ pub enum StudyError {
     /// The scene cannot be simulated.
     #[error(transparent)]
     Setup(#[from] SetupError),
-    /// No method solved the scene twice with the same result.
+    /// There is no time to study.
+    #[error("the duration is {0} s, and a study needs one that is greater than zero")]
+    NoDuration(f64),
+    /// Each method that was asked for is refused.
+    #[error("no method that was asked for can move the scene: {}", refusals(.0))]
+    AllRefused(Vec<(String, String)>),
+    /// No method solved the scene twice within the budget.
     #[error("no reference solution could be made within the budget")]
     NoReference,
-    /// It was stopped before there was a reference.
-    #[error("stopped before there was a reference solution")]
+    /// No method solved the scene, and time does not help.
+    #[error("no reference solution can be made: {method}: {reason}")]
+    Unsolvable {
+        /// The method that came the furthest, in kebab-case.
+        method: String,
+        /// Why it could not go on.
+        reason: String,
+    },
+    /// The budget was used up before a run was finished.
+    #[error("no run was finished within the budget")]
+    NoRun,
+    /// It was stopped before there was anything to keep.
+    #[error("stopped before there was a result")]
     Stopped,
+    /// The system gave no thread to run in.
+    #[error("no thread could be started: {0}")]
+    NoThread(#[from] std::io::Error),
+}
+
+fn refusals(refused: &[(String, String)]) -> String {
+    let each: Vec<String> = refused
+        .iter()
+        .map(|(method, why)| format!("{method}: {why}"))
+        .collect();
+    each.join("; ")
 }
 
 /// Makes a study; `watch` sees the progress and may stop it, which keeps what
@@ -97,46 +145,31 @@ pub enum StudyError {
 ///
 /// # Errors
 ///
-/// If the scene cannot be simulated or no reference can be made.
+/// If the scene cannot be simulated, or if no reference or no run can be made.
 pub fn study(
     scene: &Scene,
     options: &Options,
     watch: &mut dyn FnMut(Progress<'_>) -> ControlFlow<()>,
 ) -> Result<Study, StudyError> {
-    let begin = Instant::now();
-    let mut clock = Clock {
-        begin,
-        budget: options.budget,
-        watch,
-    };
-    let (reference, positions) = reference::make(scene, &mut clock)?;
+    let duration = scene.settings.duration;
+    if duration <= 0.0 {
+        return Err(StudyError::NoDuration(duration));
+    }
+    compile(scene).map_err(SetupError::from)?;
+    let mut clock = Clock::new(options.budget, watch);
+    let (reference, frames) = reference::make(scene, &mut clock)?;
     let mut study = Study {
         scene: scene.name.clone(),
-        duration: scene.settings.duration,
+        duration,
         reference,
         trials: Vec::new(),
+        methods: Vec::new(),
         refused: Vec::new(),
+        advice: Vec::new(),
         interrupted: false,
     };
-    sweep::run(scene, options, &positions, &mut study, &mut clock);
+    sweep::run(scene, options, &frames, &mut study, &mut clock)?;
+    advice::measure_again(scene, options, &mut study, &mut clock)?;
+    study.advice = advice::advice(&study, &options.command);
     Ok(study)
-}
-
-/// The budget and who watches over it.
-struct Clock<'a> {
-    begin: Instant,
-    budget: Duration,
-    watch: &'a mut dyn FnMut(Progress<'_>) -> ControlFlow<()>,
-}
-
-impl Clock<'_> {
-    /// Part of the budget that is used up.
-    fn fraction(&self) -> f64 {
-        self.begin.elapsed().as_secs_f64() / self.budget.as_secs_f64()
-    }
-
-    fn tell(&mut self, what: &str) -> ControlFlow<()> {
-        let fraction = self.fraction();
-        (self.watch)(Progress { what, fraction })
-    }
 }

@@ -1,15 +1,17 @@
 //! What becomes of a scene at any step size and stiffness.
 
-use super::reference::Guard;
-use super::{Clock, Options, Progress, StudyError};
+use super::reference::with;
+use super::run::{Clock, Stoppable};
+use super::{Options, Progress, StudyError};
 use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
 use serde::Serialize;
-use springs_assembly::Energy;
-use springs_scene::{Method, Scene, StepControl};
+use springs_assembly::{Energy, compile};
+use springs_scene::{Method, Scene, StepControl, printable};
 use springs_step::{Outcome, SetupError, Simulation};
 use std::fmt::Write as _;
 use std::ops::ControlFlow;
-use std::time::Instant;
+use std::sync::atomic::AtomicBool;
 
 /// How a run with one step size and stiffness ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -65,17 +67,18 @@ const NOTABLE: f64 = 0.1;
 ///
 /// # Errors
 ///
-/// If no method can move the scene.
+/// If no method can move the scene, or no run was finished.
 pub fn stability(
     scene: &Scene,
     options: &Options,
     watch: &mut dyn FnMut(Progress<'_>) -> ControlFlow<()>,
 ) -> Result<StabilityMap, StudyError> {
-    let mut clock = Clock {
-        begin: Instant::now(),
-        budget: options.budget,
-        watch,
-    };
+    let duration = scene.settings.duration;
+    if duration <= 0.0 {
+        return Err(StudyError::NoDuration(duration));
+    }
+    compile(scene).map_err(SetupError::from)?;
+    let mut clock = Clock::new(options.budget, watch);
     let mut map = StabilityMap {
         scene: scene.name.clone(),
         trials: Vec::new(),
@@ -83,38 +86,51 @@ pub fn stability(
         interrupted: false,
     };
     let mut methods = Vec::new();
-    let mut refusal = None;
     for &method in &options.methods {
-        let mut scene = scene.clone();
-        scene.settings.method = method;
-        scene.settings.tangent = None;
-        scene.settings.step = StepControl::Fixed(scene.settings.duration);
-        match Simulation::new(&scene) {
+        match Simulation::new(&with(scene, method, StepControl::Fixed(duration))) {
             Ok(_) => methods.push(method),
-            Err(error) => {
-                map.refused.push((method.to_string(), error.to_string()));
-                refusal = Some(error);
-            }
+            Err(error) => map.refused.push((method.to_string(), error.to_string())),
         }
     }
-    if let (true, Some(error)) = (methods.is_empty(), refusal) {
-        return Err(error.into());
+    if methods.is_empty() {
+        return Err(StudyError::AllRefused(map.refused));
     }
+    fill(scene, &methods, &mut map, &mut clock)?;
+    match (map.trials.is_empty(), map.interrupted) {
+        (false, _) => Ok(map),
+        (true, true) => Err(StudyError::Stopped),
+        (true, false) => Err(StudyError::NoRun),
+    }
+}
+
+/// Makes the runs until the budget is used up or the user stops them.
+fn fill(
+    scene: &Scene,
+    methods: &[Method],
+    map: &mut StabilityMap,
+    clock: &mut Clock<'_>,
+) -> Result<(), StudyError> {
     for halving in 0..HALVINGS {
         let step = scene.settings.duration / (FEWEST_STEPS * 2f64.powi(halving));
-        for &method in &methods {
+        for &method in methods {
             let what = format!("{method} in steps of {step:.1e} s");
+            let scene = with(scene, method, StepControl::Fixed(step));
             for stiffness_factor in DECADES.map(|decade| 10f64.powi(decade)) {
                 if clock.tell(&what).is_break() {
                     map.interrupted = true;
-                    return Ok(map);
+                    return Ok(());
                 }
                 if clock.fraction() > 1.0 {
-                    return Ok(map);
+                    return Ok(());
                 }
-                let Some(fate) = fate(scene, method, step, stiffness_factor, &mut clock)? else {
-                    map.interrupted |= clock.fraction() <= 1.0;
-                    return Ok(map);
+                let mut scene = scene.clone();
+                for spring in &mut scene.springs {
+                    spring.stiffness *= stiffness_factor;
+                }
+                let supervised = clock.supervise(1.0, |stop| fate(&scene, stop))?;
+                map.interrupted |= supervised.is_interrupted;
+                let Some(fate) = supervised.result else {
+                    return Ok(());
                 };
                 map.trials.push(StabilityTrial {
                     method: method.to_string(),
@@ -125,35 +141,19 @@ pub fn stability(
             }
         }
     }
-    Ok(map)
+    Ok(())
 }
 
 /// `None` if it was stopped.
-fn fate(
-    scene: &Scene,
-    method: Method,
-    step: f64,
-    stiffness_factor: f64,
-    clock: &mut Clock<'_>,
-) -> Result<Option<Fate>, SetupError> {
-    let mut scene = scene.clone();
-    scene.settings.method = method;
-    scene.settings.tangent = None;
-    scene.settings.step = StepControl::Fixed(step);
-    for spring in &mut scene.springs {
-        spring.stiffness *= stiffness_factor;
-    }
-    let mut simulation = Simulation::new(&scene)?;
-    let mut guard = Guard {
-        clock,
-        share: 1.0,
-        countdown: 0,
-        stopped: false,
+fn fate(scene: &Scene, stop: &AtomicBool) -> Option<Fate> {
+    let mut simulation = match Simulation::new(scene) {
+        Ok(simulation) => simulation,
+        Err(_) => return Some(Fate::Failed),
     };
-    match simulation.run(1, &mut guard) {
+    match simulation.run(1, &mut Stoppable(stop)) {
         Ok(Outcome::Finished) => {}
-        Ok(Outcome::Stopped) => return Ok(None),
-        Err(_) => return Ok(Some(Fate::Failed)),
+        Ok(Outcome::Stopped) => return None,
+        Err(_) => return Some(Fate::Failed),
     }
     let (ledger, end) = (simulation.ledger(), simulation.energy());
     let gain = ledger.method_gain(&end);
@@ -162,13 +162,13 @@ fn fate(
         .max((end.gravity - ledger.start.gravity).abs())
         .max(ledger.dashpot_heat)
         .max(ledger.anchor_work.abs());
-    Ok(Some(match gain / turned_over {
+    Some(match gain / turned_over {
         part if part.is_nan() && turned_over == 0.0 => Fate::Kept,
         part if part < -NOTABLE => Fate::Damped,
         part if part <= NOTABLE => Fate::Kept,
         part if part.is_finite() => Fate::Gained,
         _ => Fate::Failed,
-    }))
+    })
 }
 
 fn moving(energy: &Energy) -> f64 {
@@ -224,12 +224,18 @@ impl Fate {
     }
 }
 
-const PANEL: (u32, u32) = (240, 210);
+const PANEL: (u32, u32) = (240, 216);
 const COLUMNS: usize = 4;
-const LEGEND: u32 = 46;
 const CAPTION: u32 = 30;
 /// Space around a map within its panel: left, top, right, bottom.
-const MARGINS: (i32, i32, i32, i32) = (48, 24, 8, 40);
+const MARGINS: (i32, i32, i32, i32) = (54, 24, 8, 42);
+/// Distance of the lines of the legend, and how many there are.
+const LINE: i32 = 18;
+const LINES: i32 = 5;
+const NOTES: [&str; 2] = [
+    "Stiffnesses are those of the scene times the number at the left.",
+    "Beyond its stable step a method gains energy, and with more steps numbers overflow: it failed.",
+];
 
 /// Draws a map per method, step size to the right and stiffness upwards, as SVG.
 /// Empty if there is nothing to draw.
@@ -246,13 +252,14 @@ pub fn stability_diagram(map: &StabilityMap) -> String {
     }
     let columns = COLUMNS.min(methods.len());
     let rows = methods.len().div_ceil(columns) as u32;
+    let legend = (LINE * LINES + 16) as u32;
     let size = (
         (PANEL.0 * columns as u32).max(3 * PANEL.0),
-        CAPTION + PANEL.1 * rows + LEGEND,
+        CAPTION + PANEL.1 * rows + legend,
     );
     {
         let root = SVGBackend::with_string(&mut svg, size).into_drawing_area();
-        draw(map, &methods, columns, size, &root).expect("drawing into memory");
+        draw(map, &methods, columns, (size.1 - legend) as i32, &root).expect("drawing into memory");
         root.present().expect("drawing into memory");
     }
     svg
@@ -265,13 +272,13 @@ fn draw(
     map: &StabilityMap,
     methods: &[&str],
     columns: usize,
-    size: (u32, u32),
+    legend: i32,
     root: &Area<'_>,
 ) -> DrawResult {
     root.fill(&WHITE)?;
     let title = match map.scene.as_str() {
         "" => "stability over step and stiffness".to_owned(),
-        name => format!("{name}: stability over step and stiffness"),
+        name => format!("{}: stability over step and stiffness", printable(name)),
     };
     root.draw(&Text::new(title, (12, 8), ("sans-serif", 16)))?;
     for (index, method) in methods.iter().enumerate() {
@@ -281,16 +288,19 @@ fn draw(
         );
         panel(map, method, corner, root)?;
     }
-    let y = (size.1 - LEGEND) as i32 + 8;
-    for (index, fate) in Fate::ALL.into_iter().enumerate() {
-        let at = (12 + (index as i32 % 2) * 230, y + (index as i32 / 2) * 18);
-        swatch(root, at, fate.colour())?;
-        let text = (at.0 + 18, at.1);
-        root.draw(&Text::new(fate.meaning(), text, ("sans-serif", 12)))?;
+    let fates = Fate::ALL.map(|fate| (fate.colour(), fate.meaning()));
+    let not_run = [(WHITE, "not run within the budget")];
+    for (index, (colour, meaning)) in fates.into_iter().chain(not_run).enumerate() {
+        let index = index as i32;
+        let at = (12 + (index % 2) * 280, legend + 8 + (index / 2) * LINE);
+        swatch(root, at, colour)?;
+        root.draw(&Text::new(meaning, (at.0 + 18, at.1), ("sans-serif", 12)))?;
     }
-    let text = (12 + 2 * 230, y);
-    let not_run = "white: not run within the budget";
-    root.draw(&Text::new(not_run, text, ("sans-serif", 12)))
+    for (line, note) in NOTES.into_iter().enumerate() {
+        let at = (12, legend + 10 + (3 + line as i32) * LINE);
+        root.draw(&Text::new(note, at, ("sans-serif", 12)))?;
+    }
+    Ok(())
 }
 
 fn swatch(root: &Area<'_>, (x, y): (i32, i32), colour: RGBColor) -> DrawResult {
@@ -303,7 +313,14 @@ fn panel(map: &StabilityMap, method: &str, (left, top): (i32, i32), root: &Area<
     let (x0, y0) = (left + MARGINS.0, top + MARGINS.1);
     let width = PANEL.0 as i32 - MARGINS.0 - MARGINS.2;
     let height = PANEL.1 as i32 - MARGINS.1 - MARGINS.3;
-    let small = ("sans-serif", 10);
+    let aligned = |across, along| {
+        let style = TextStyle::from(("sans-serif", 11).into_font());
+        style.pos(Pos::new(across, along))
+    };
+    let (below, beside) = (
+        aligned(HPos::Center, VPos::Top),
+        aligned(HPos::Right, VPos::Center),
+    );
     root.draw(&Text::new(
         method.to_owned(),
         (x0, top + 6),
@@ -313,28 +330,31 @@ fn panel(map: &StabilityMap, method: &str, (left, top): (i32, i32), root: &Area<
     steps.sort_by(f64::total_cmp);
     steps.dedup();
     let rows = DECADES.count() as i32;
-    let column = |step: f64| steps.iter().position(|&s| s == step).unwrap_or(0) as i32;
-    let x = |column: i32| x0 + column * width / steps.len() as i32;
+    let n_columns = steps.len() as i32;
+    let x = |column: i32| x0 + column * width / n_columns;
     let y = |row: i32| y0 + height - row * height / rows;
     for trial in map.trials.iter().filter(|trial| trial.method == method) {
         let row = trial.stiffness_factor.log10().round() as i32 - DECADES.start();
-        let column = column(trial.step);
+        let column = steps.iter().position(|step| *step == trial.step);
+        let column = column.unwrap_or(0) as i32;
         let corners = [(x(column), y(row + 1)), (x(column + 1), y(row))];
         root.draw(&Rectangle::new(corners, trial.fate.colour().filled()))?;
     }
     let frame = [(x0, y0), (x0 + width, y0 + height)];
     root.draw(&Rectangle::new(frame, BLACK.stroke_width(1)))?;
     for decade in DECADES.step_by(2) {
-        let at = (
-            left + 8,
-            y(decade - DECADES.start()) - height / rows / 2 - 5,
-        );
-        root.draw(&Text::new(format!("K·1e{decade}"), at, small))?;
+        let row = decade - DECADES.start();
+        let at = (x0 - 5, (y(row) + y(row + 1)) / 2);
+        root.draw(&Text::new(format!("× 1e{decade}"), at, beside.clone()))?;
     }
-    for &step in steps.iter().step_by(steps.len().div_ceil(3)) {
-        let at = (x(column(step)), y0 + height + 4);
-        root.draw(&Text::new(format!("{step:.0e}"), at, small))?;
+    // Labels are as wide as two columns and a half, so every third one has one.
+    for (column, step) in (0..).zip(&steps).step_by(3) {
+        let middle = (x(column) + x(column + 1)) / 2;
+        let tick = vec![(middle, y0 + height), (middle, y0 + height + 4)];
+        root.draw(&PathElement::new(tick, BLACK.stroke_width(1)))?;
+        let at = (middle, y0 + height + 6);
+        root.draw(&Text::new(format!("{step:.0e}"), at, below.clone()))?;
     }
-    let at = (x0 + width / 2 - 20, y0 + height + 18);
-    root.draw(&Text::new("step, s", at, small))
+    let at = (x0 + width / 2, y0 + height + 21);
+    root.draw(&Text::new("step (s)", at, below))
 }
