@@ -50,10 +50,10 @@ const TOLERANCES: [f64; 9] = [1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e
 /// Parts of the budget after which the explicit method is given up, if it has not
 /// got anywhere, or is refined no further; then the implicit one, then the
 /// comparison.
-const HOPELESS_SHARE: f64 = 0.08;
+const HOPELESS_SHARE: f64 = 0.1;
 const EXPLICIT_SHARE: f64 = 0.2;
-const IMPLICIT_SHARE: f64 = 0.3;
-const SHARE: f64 = 0.4;
+const IMPLICIT_SHARE: f64 = 0.35;
+const SHARE: f64 = 0.45;
 
 /// Errors up to so many uncertainties of the reference are not told apart.
 pub(super) const TOLD_APART: f64 = 3.0;
