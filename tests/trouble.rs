@@ -273,3 +273,98 @@ fn checkpoints_with_impossible_content_do_no_harm() {
         refused(&about.replacen(sound, wrong, 1), &words);
     }
 }
+
+/// Whatever a message quotes neither colours a terminal nor fills it.
+#[test]
+fn messages_are_plain_and_short() {
+    let desk = Desk::new();
+    let long = "V".repeat(3_000_000);
+    std::fs::write(
+        desk.path("long.ron"),
+        format!(
+            "Scene(version: 1, nodes: [(position: (0, 0, 0), mass: 1)],
+                simulation: (method: {long}, step: 0.01, duration: 0.1))"
+        ),
+    )
+    .unwrap();
+    desk.scene("chain.ron", "chain 2 --duration 0.1");
+    let red = "run chain.ron --quiet --out \u{1b}[31mred";
+    desk.expect(0, red);
+    for arguments in ["run long.ron", red, "check \u{1b}[31m.ron"] {
+        let said = desk.expect(2, arguments);
+        let is_plain = |c: char| c == '\n' || !c.is_control();
+        assert!(said.chars().all(is_plain), "{arguments}: {said:?}");
+        assert!(said.len() < 10_000, "{arguments}: {} bytes", said.len());
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn standard_output_that_is_full_is_no_wrong_command() {
+    let desk = Desk::new();
+    desk.scene("net.ron", "cloth 8 --duration 1");
+    for arguments in ["new cloth 4", "check net.ron"] {
+        let full = std::fs::File::create("/dev/full").unwrap();
+        let output = desk.command(arguments).stdout(full).output().unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(1), "{said}");
+        assert!(said.contains("cannot write standard output: "), "{said}");
+    }
+}
+
+/// Devices give bytes for ever.
+#[cfg(target_os = "linux")]
+#[test]
+fn what_has_no_end_is_no_scene() {
+    let desk = Desk::new();
+    let said = desk.expect(2, "check /dev/zero");
+    assert!(
+        said.contains("/dev/zero is not a scene file: byte 0 is zero"),
+        "{said}"
+    );
+    let zeros = std::fs::File::open("/dev/zero").unwrap();
+    let output = desk.command("run - --out o").stdin(zeros).output().unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    desk.expect(2, "check /dev/urandom");
+}
+
+#[test]
+fn odd_names_of_scenes_stay_in_the_folder() {
+    let desk = Desk::new();
+    desk.scene("chain.ron", "chain 2 --duration 0.1");
+    std::fs::create_dir(desk.path("here")).unwrap();
+    for name in ["...ron", "..ron", "-.ron"] {
+        std::fs::copy(desk.path("chain.ron"), desk.path("here").join(name)).unwrap();
+        let mut command = desk.command("run --quiet --force --");
+        let status = command.arg(name).current_dir(desk.path("here")).status();
+        assert!(status.unwrap().success(), "{name}");
+    }
+    assert_eq!(desk.names(""), ["chain.ron", "here"]);
+    assert_eq!(desk.names("here"), ["-.ron", "...ron", "..ron", "scene"]);
+}
+
+#[test]
+fn far_too_many_threads_are_as_many_as_help() {
+    let desk = Desk::new();
+    desk.scene("net.ron", "cloth 40 --step 1e-2 --duration 0.03");
+    desk.expect(0, "run net.ron --threads 1 --out one --quiet");
+    desk.expect(0, "run net.ron --threads 4294967295 --out many --quiet");
+    assert!(desk.report("many")["threads"].as_u64().unwrap() <= 256);
+    assert_eq!(desk.read("one/final.ron"), desk.read("many/final.ron"));
+    desk.expect(2, "run net.ron --threads 4294967296 --out more");
+}
+
+#[test]
+fn what_the_command_line_says_is_not_blamed_on_the_file() {
+    let desk = Desk::new();
+    desk.scene("chain.ron", "chain 3 --step 0.01");
+    for arguments in [
+        "run chain.ron --tangent exact --method velocity-verlet",
+        "run chain.ron --method tr-bdf2 --tangent exact",
+        "check chain.ron --tangent exact --method velocity-verlet",
+    ] {
+        let said = desk.expect(2, arguments);
+        assert!(said.starts_with("error: on the command line, "), "{said}");
+        assert!(!said.contains("chain.ron:"), "{said}");
+    }
+}

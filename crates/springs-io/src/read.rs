@@ -29,6 +29,20 @@ pub enum SceneError {
         /// The first byte that is not text.
         offset: usize,
     },
+    /// The file is not text: text has no zero bytes.
+    #[error("{file} is not a scene file: byte {offset} is zero")]
+    HoldsZero {
+        /// The file.
+        file: String,
+        /// The first byte that is zero.
+        offset: usize,
+    },
+    /// The file has no end, or it is longer than any scene.
+    #[error("{file} is not a scene file: it is longer than {} GiB", LONGEST >> 30)]
+    TooLong {
+        /// The file.
+        file: String,
+    },
     /// The file is not a sound scene. Displays the first finding.
     #[error("{file}:{}", .findings[0])]
     Wrong {
@@ -100,20 +114,47 @@ pub fn read_scene(path: &Path) -> Result<Scene, SceneError> {
 ///
 /// # Errors
 ///
-/// If it could not be opened, cannot be read, or is not UTF-8.
+/// If it could not be opened, cannot be read, is longer than 16 GiB, holds a zero
+/// byte, or is not UTF-8.
 pub fn read_text<R: Read>(file: &str, opened: io::Result<R>) -> Result<String, SceneError> {
+    let file = || file.to_owned();
+    let unreadable = |source| SceneError::Unreadable {
+        file: file(),
+        source,
+    };
+    let mut reader = opened.map_err(unreadable)?;
     let mut bytes = Vec::new();
-    opened
-        .and_then(|mut reader| reader.read_to_end(&mut bytes))
-        .map_err(|source| SceneError::Unreadable {
-            file: file.to_owned(),
-            source,
-        })?;
+    loop {
+        let start = bytes.len();
+        if start as u64 > LONGEST {
+            return Err(SceneError::TooLong { file: file() });
+        }
+        let room = bytes.try_reserve(PIECE as usize);
+        room.map_err(|_| unreadable(io::ErrorKind::OutOfMemory.into()))?;
+        let read = reader.by_ref().take(PIECE).read_to_end(&mut bytes);
+        if read.map_err(unreadable)? == 0 {
+            break;
+        }
+        // Devices and pipes may go on for ever.
+        if let Some(zero) = bytes[start..].iter().position(|byte| *byte == 0) {
+            let offset = start + zero;
+            return Err(SceneError::HoldsZero {
+                file: file(),
+                offset,
+            });
+        }
+    }
     String::from_utf8(bytes).map_err(|error| SceneError::NotText {
-        file: file.to_owned(),
+        file: file(),
         offset: error.utf8_error().valid_up_to(),
     })
 }
+
+/// In bytes: a scene of 100 million nodes has about 10 GB.
+const LONGEST: u64 = 1 << 34;
+
+/// Bytes that are read between two looks at them.
+const PIECE: u64 = 1 << 20;
 
 /// Reads a scene from the text of a scene file; `file` is its name in errors.
 ///

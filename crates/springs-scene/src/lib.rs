@@ -34,4 +34,4 @@ pub use nalgebra::Vector3;
 pub use problems::{Path, Problem};
 pub use scene::{Node, Scene, Spring};
 pub use settings::{Method, Settings, Solution, StepControl, Tangent, UnknownName};
-pub use text::printable;
+pub use text::{printable, printable_within};

@@ -4,7 +4,7 @@
 const MOST_CHARACTERS: usize = 200;
 
 /// A name or other text from a scene as a message or a picture can show it: on
-/// one line, control characters written out (`\u{1b}`), so that they neither
+/// one line, control characters other than tabs written out (`\u{1b}`), so that they neither
 /// move a terminal's cursor nor spoil an XML file, and cut after 200 characters.
 ///
 /// ```
@@ -13,9 +13,14 @@ const MOST_CHARACTERS: usize = 200;
 /// assert_eq!(printable("\u{1b}[31mred\n"), "\\u{1b}[31mred\\n");
 /// ```
 pub fn printable(text: &str) -> String {
+    printable_within(text, MOST_CHARACTERS)
+}
+
+/// [`printable`] with another limit than 200 characters.
+pub fn printable_within(text: &str, most_characters: usize) -> String {
     let mut shown = String::new();
     for (n, character) in text.chars().enumerate() {
-        if n == MOST_CHARACTERS {
+        if n == most_characters {
             shown.push('…');
             break;
         }
@@ -28,14 +33,15 @@ pub fn printable(text: &str) -> String {
     shown
 }
 
-/// Neither a control character, nor one that reverses or breaks lines, nor one
+/// Neither a control character other than a tab, nor one that reverses or breaks lines, nor one
 /// that XML has no room for.
 fn is_harmless(character: char) -> bool {
-    !character.is_control()
-        && !matches!(
-            character,
-            '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}' | '\u{fffe}' | '\u{ffff}'
-        )
+    character == '\t'
+        || !character.is_control()
+            && !matches!(
+                character,
+                '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}' | '\u{fffe}' | '\u{ffff}'
+            )
 }
 
 #[cfg(test)]
@@ -44,6 +50,7 @@ mod tests {
 
     #[test]
     fn nothing_reaches_a_terminal_raw() {
+        assert_eq!(printable("a\tb"), "a\tb");
         let name = "\u{1b}]0;title\u{7}a\r\nerror: b\u{9b}31m\u{202e}\u{ffff}\0";
         let shown = printable(name);
         assert!(shown.is_ascii(), "{shown}");

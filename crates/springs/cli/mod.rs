@@ -11,6 +11,7 @@ mod summary;
 
 use clap::{Parser, Subcommand};
 use springs::io::WriteError;
+use springs::scene::printable_within;
 use std::io::Write as _;
 use std::process::ExitCode;
 
@@ -110,13 +111,22 @@ fn report_error(error: &anyhow::Error) -> u8 {
     }
 }
 
+/// An error on standard error, coloured as those of the command line's parser.
 fn say_error(message: &str) {
-    say(&format!("error: {message}"));
+    let style = *clap::builder::Styles::styled().get_error();
+    let _ = write!(anstream::stderr(), "{style}error:{style:#} ");
+    say(message);
 }
 
-/// A line on standard error. If that is closed, nobody listens.
-fn say(line: &str) {
-    let _ = writeln!(std::io::stderr(), "{line}");
+/// Longer lines are cut, in characters.
+const LONGEST_LINE: usize = 1000;
+
+/// Lines on standard error. If that is closed, nobody listens.
+fn say(text: &str) {
+    for line in text.split('\n') {
+        let line = printable_within(line, LONGEST_LINE);
+        let _ = writeln!(std::io::stderr(), "{line}");
+    }
 }
 
 /// Text on standard output. A reader that has seen enough is no error.

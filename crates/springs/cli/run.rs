@@ -2,7 +2,7 @@
 
 use super::output::{CHECKPOINT, Extra, Output, Written, lock, make_folder, quoted};
 use super::signals::Signals;
-use super::source::SceneArguments;
+use super::source::{SceneArguments, at_most_useful};
 use super::{Advised, Ending, Unwritten, say, say_error, summary};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::{Deserialize, Serialize};
@@ -24,7 +24,7 @@ use std::time::{Duration, Instant};
 pub(crate) struct RunArguments {
     #[command(flatten)]
     scene: SceneArguments,
-    /// Folder to write into [default: the scene's name without its ending]
+    /// Folder to write into [default: the scene's name without its ending; `scene` for standard input]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Number of equal time intervals between frames [default: 60 a second]
@@ -49,7 +49,7 @@ pub(crate) struct ResumeArguments {
     /// The folder of a run that was stopped
     #[arg(value_name = "DIR")]
     folder: PathBuf,
-    /// Threads that may be used; results do not depend on it [default: all]
+    /// Threads that may be used; results do not depend on it, and more than 256 are not used [default: all]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     threads: Option<u32>,
     /// No progress and no summary
@@ -201,7 +201,7 @@ pub(crate) fn resume(arguments: &ResumeArguments) -> anyhow::Result<Ending> {
     }
     let mut scene = parse_scene(&path.display().to_string(), &about.scene)?;
     scene.settings.skip = about.skip;
-    scene.settings.threads = arguments.threads.map_or(0, |n| n as usize);
+    scene.settings.threads = arguments.threads.map_or(0, at_most_useful);
     let mut islands = Islands::new(&scene).map_err(|error| foreign(&path, &error.to_string()))?;
     islands
         .restore(words)

@@ -2,7 +2,7 @@
 
 use super::Advised;
 use springs::io::{Finding, SceneError, parse_scene, read_text};
-use springs::scene::{Method, Scene, Solution, StepControl, Tangent};
+use springs::scene::{Method, Path as ScenePath, Scene, Solution, StepControl, Tangent};
 use springs::step::SetupError;
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -45,7 +45,7 @@ pub(crate) struct SceneArguments {
     /// Leave nothing out: what a scene does not need is computed all the same
     #[arg(long)]
     no_skip: bool,
-    /// Threads that may be used; results do not depend on it [default: all]
+    /// Threads that may be used; results do not depend on it, and more than 256 are not used [default: all]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     threads: Option<u32>,
 }
@@ -107,6 +107,23 @@ impl SceneArguments {
         flags
     }
 
+    /// Fields of `simulation` that are not those of the file. A method brings its
+    /// own tangent.
+    fn replaced(&self) -> Vec<&'static str> {
+        let fields = [
+            ("method", self.method.is_some()),
+            ("tangent", self.method.is_some() || self.tangent.is_some()),
+            ("step", self.step.is_some()),
+            ("tolerance", self.tolerance.is_some()),
+            ("duration", self.duration.is_some()),
+            ("solution", self.solution.is_some()),
+            ("sleep", self.sleep.is_some()),
+            ("rescue", self.rescue),
+        ];
+        let replaced = fields.into_iter().filter(|(_, is_replaced)| *is_replaced);
+        replaced.map(|(field, _)| field).collect()
+    }
+
     /// Reads the scene. All that is wrong with it becomes one error.
     pub(crate) fn load(&self) -> Result<Source, Advised> {
         let (file, text) = match self.scene == Path::new("-") {
@@ -134,7 +151,7 @@ impl SceneArguments {
         settings.rescue |= self.rescue;
         settings.skip = !self.no_skip;
         settings.solution = self.solution.unwrap_or(settings.solution);
-        settings.threads = self.threads.map_or(settings.threads, |n| n as usize);
+        settings.threads = self.threads.map_or(settings.threads, at_most_useful);
         settings.duration = self.duration.unwrap_or(settings.duration);
         if let Some(step) = self.step {
             settings.step = StepControl::Fixed(step);
@@ -144,7 +161,12 @@ impl SceneArguments {
         }
         // The file was sound, so only what the command line said can be wrong.
         match scene.problems().first() {
-            None => Ok(Source { scene, file, text }),
+            None => Ok(Source {
+                scene,
+                file,
+                text,
+                replaced: self.replaced(),
+            }),
             Some(problem) => Err(Advised {
                 message: format!("on the command line, {problem}"),
                 advice: problem.advice().map(str::to_owned),
@@ -153,11 +175,21 @@ impl SceneArguments {
     }
 }
 
+/// No machine does more at once; more threads than this only take memory.
+const MOST_THREADS: u32 = 256;
+
+/// Threads that are used when so many may be.
+pub(crate) fn at_most_useful(threads: u32) -> usize {
+    threads.min(MOST_THREADS) as usize
+}
+
 /// A scene and the text it came from.
 pub(crate) struct Source {
     pub(crate) scene: Scene,
     file: String,
     text: String,
+    /// Fields of `simulation` that come from the command line.
+    replaced: Vec<&'static str>,
 }
 
 /// A word as a shell reads it.
@@ -184,6 +216,14 @@ impl Source {
                 advice: advice.map(str::to_owned),
             };
         };
+        if let ScenePath::Simulation(field) = path
+            && self.replaced.contains(&field)
+        {
+            return Advised {
+                message: format!("on the command line, {error}"),
+                advice: advice.map(str::to_owned),
+            };
+        }
         let finding = Finding::at(&self.text, path, error.to_string(), advice);
         Advised {
             message: format!("{}:{finding}", self.file),
