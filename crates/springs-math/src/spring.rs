@@ -10,7 +10,7 @@
 //! | clamped | max(T/l, 0) | positive semidefinite |
 //! | absolute | \|T/l\| | positive semidefinite, stiffer under compression |
 //! | material | 0 | positive semidefinite; no false tension at high K |
-//! | filtered | T̃/l | T̃ is a tension that the integrator carries along |
+//! | filtered | min(T̃/l, K) | T̃ is a tension that the integrator carries along |
 
 use crate::Separation;
 use crate::separation::{is_safe_square, sum_of_squares};
@@ -112,7 +112,7 @@ pub fn hessian_block_material<const D: usize>(
 
 /// [`hessian_block`] with the across stiffness `tension`/l, in N/m, where the
 /// tension in N is the caller's own (for example one carried from step to step)
-/// instead of K(l − l₀).
+/// instead of K(l − l₀); at most K, which no spring exceeds: K(1 − l₀/l) ≤ K.
 #[inline]
 pub fn hessian_block_filtered<const D: usize>(
     spring: Spring,
@@ -121,12 +121,14 @@ pub fn hessian_block_filtered<const D: usize>(
     x1: &SVector<f64, D>,
 ) -> SMatrix<f64, D, D> {
     let separation = Separation::between(x0, x1);
-    assemble_block(spring, &separation, tension / separation.length)
+    let across = (tension / separation.length).min(spring.stiffness);
+    assemble_block(spring, &separation, across)
 }
 
 /// Force and block of one spring at once: [`force`] in N, and the block in N/m
 /// as (xx, xy, xz, yy, yz, zz), with across stiffness `project`(T/l), where T is
-/// the `tension` given in N or else the spring's own. `dx` = x₁ − x₀ in m.
+/// the tension `given` in N or else the spring's own, and T/l of a given one is at
+/// most K, as in [`hessian_block_filtered`]. `dx` = x₁ − x₀ in m.
 #[inline(always)]
 pub fn linearize(
     spring: Spring,
@@ -141,7 +143,10 @@ pub fn linearize(
         let own = tension(spring, length);
         let per_length = own * inverse;
         if per_length.is_finite() {
-            let across = project(given.unwrap_or(own) * inverse);
+            let across = project(match given {
+                Some(tension) => (tension * inverse).min(spring.stiffness),
+                None => own * inverse,
+            });
             let u = dx * inverse;
             let more = spring.stiffness - across;
             let [x, y, z] = [u.x * more, u.y * more, u.z * more];
@@ -158,7 +163,10 @@ pub fn linearize(
     }
     let separation = Separation::of(dx);
     let own = tension(spring, separation.length);
-    let across = project(given.unwrap_or(own) / separation.length);
+    let across = project(match given {
+        Some(tension) => (tension / separation.length).min(spring.stiffness),
+        None => own / separation.length,
+    });
     let b = assemble_block(spring, &separation, across);
     let block = [b.m11, b.m12, b.m13, b.m22, b.m23, b.m33];
     (separation.direction * own, block)
@@ -306,6 +314,21 @@ mod tests {
         assert_eq!(hessian_block_absolute(SPRING, &x0, &x1), diagonal(7.0));
         assert_eq!(hessian_block_material(SPRING, &x0, &x1), diagonal(0.0));
         assert_eq!(hessian_block_filtered(SPRING, 3.0, &x0, &x1), diagonal(3.0));
+    }
+
+    /// A tension carried from where the spring was long may be far above what the
+    /// spring has now; T/l ≤ K always.
+    #[test]
+    fn a_given_tension_is_no_stiffer_across_than_along() {
+        for dx in [Vector3::new(1e-6, 0.0, 0.0), Vector3::new(1e-160, 0.0, 0.0)] {
+            let stiff = Matrix3::identity() * 7.0;
+            let block = hessian_block_filtered(SPRING, 100.0, &Vector3::zeros(), &dx);
+            assert!((block - stiff).norm() < 1e-14);
+            let (_, packed) = linearize(SPRING, Some(100.0), &dx, |across| across);
+            for (a, b) in packed.iter().zip([7.0, 0.0, 0.0, 7.0, 0.0, 7.0]) {
+                assert!((a - b).abs() < 1e-14, "{packed:?}");
+            }
+        }
     }
 
     #[test]
