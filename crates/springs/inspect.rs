@@ -55,8 +55,8 @@ pub fn skipped(scene: &Scene, islands: &Islands) -> Vec<Saving> {
                 count(merged, "spring")
             ),
             format!("{} of {}", count(merged, "spring"), scene.springs.len()),
-            "because K = ΣK and l₀ = ΣK·l₀/ΣK give the same force and Hessian; \
-             clamped springs are counted and clamped as one",
+            "because their rest lengths are the same, so that K = ΣK gives the same force \
+             and Hessian, clamped or not; clamped springs are counted as one",
         );
     }
     let unknowns_in = |dimension: usize| -> usize {
@@ -71,7 +71,8 @@ pub fn skipped(scene: &Scene, islands: &Islands) -> Vec<Saving> {
             savings.add(
                 format!("nodes, velocities, anchors and gravity {where_to}"),
                 format!("{} unknowns of {unknowns} in the systems", unknowns - left),
-                "because nothing pushes out of there, so they would be zero",
+                "because nothing pushes out of there, so they would be zero; \
+                 that the matrix is positive definite across, too, is checked",
             );
         }
     }
@@ -171,28 +172,27 @@ fn list_matrices(islands: &Islands, savings: &mut Savings) {
     }
     let is_constant = |part: &Simulation| {
         let system = part.stepper().system();
-        let dashpots = system.dashpots().is_empty();
-        let is_line = matches!(system.motion(), Motion::Line(_));
-        part.choice().has_matrix() && dashpots && (is_line || system.is_isotropic())
+        part.choice().has_constant_matrix(system)
     };
     let constant = unknowns(&is_constant);
     if constant > 0 {
         savings.add(
             format!("the matrix of {constant} unknowns depends on the step size alone"),
-            "all factorizations but one for each step size".to_owned(),
+            "all factorizations but those where the step size changes".to_owned(),
             "because rest lengths are zero or motion is on a line, without dashpots",
         );
     }
     let is_isotropic = |part: &Simulation| {
         let system = part.stepper().system();
-        system.is_isotropic() && !matches!(system.motion(), Motion::Line(_))
+        let is_line = matches!(system.motion(), Motion::Line(_));
+        part.choice().has_isotropic_matrix(system) && !is_line
     };
-    let isotropic = unknowns(&|part| part.choice().has_matrix() && is_isotropic(part));
+    let isotropic = unknowns(&is_isotropic);
     if isotropic > 0 {
         savings.add(
             "all rest lengths are zero".to_owned(),
             format!("one matrix of {} unknowns serves x, y and z", isotropic / 3),
-            "because every block is K·I, but for the tangents material and filtered",
+            "because every block is K·I",
         );
     }
 }

@@ -20,25 +20,28 @@ pub(crate) struct Connections {
     anchored: usize,
 }
 
-/// The first spring of each spring's pair of nodes, among those that `wanted`
-/// picks; a spring of its own where duplicates are not to be merged.
-pub(crate) fn firsts_of_pairs(scene: &Scene, wanted: impl Fn(&Spring) -> bool) -> Vec<usize> {
+/// The first spring of those between the same nodes and with the same `trait_of`,
+/// for each spring; only among springs that have one, and itself where duplicates
+/// are not to be merged.
+pub(crate) fn firsts_of_pairs<T: Ord>(
+    scene: &Scene,
+    trait_of: impl Fn(&Spring) -> Option<T>,
+) -> Vec<usize> {
     let mut firsts: Vec<usize> = (0..scene.springs.len()).collect();
     if !scene.settings.skip {
         return firsts;
     }
     let springs = scene.springs.iter().enumerate();
-    let mut by_pair: Vec<([usize; 2], usize)> = springs
-        .filter(|(_, spring)| wanted(spring))
-        .map(|(index, spring)| {
+    let mut by_pair: Vec<([usize; 2], T, usize)> = springs
+        .filter_map(|(index, spring)| {
             let [a, b] = spring.nodes;
-            ([a.min(b), a.max(b)], index)
+            Some(([a.min(b), a.max(b)], trait_of(spring)?, index))
         })
         .collect();
     by_pair.sort_unstable();
-    for same in by_pair.chunk_by(|a, b| a.0 == b.0) {
-        for &(_, index) in same {
-            firsts[index] = same[0].1;
+    for same in by_pair.chunk_by(|a, b| (a.0, &a.1) == (b.0, &b.1)) {
+        for &(_, _, index) in same {
+            firsts[index] = same[0].2;
         }
     }
     firsts
@@ -111,6 +114,12 @@ impl Connections {
     /// One end is free, the other is fixed.
     pub(crate) fn anchored(&self) -> Range<usize> {
         self.interior..self.anchored
+    }
+
+    /// The free and the fixed block of each anchored connection.
+    pub(crate) fn anchored_ends(&self) -> impl Iterator<Item = [usize; 2]> {
+        let ends = self.ends[self.anchored()].iter();
+        ends.map(|ends| ends.map(|block| block as usize))
     }
 
     /// Both ends are fixed.

@@ -42,17 +42,12 @@ pub fn compile(scene: &Scene) -> Result<System, CompileError> {
     springs.connections.set_pairs(of_springs);
     dashpots.connections.set_pairs(of_dashpots);
 
-    let motion = match scene.settings.skip {
-        true => motion_of(
-            scene,
-            &numbering,
-            [&springs.connections, &dashpots.connections],
-        ),
-        false => Motion::Space,
+    let motion = if scene.settings.skip {
+        let connections = [&springs.connections, &dashpots.connections];
+        motion_of(scene, &numbering, connections)
+    } else {
+        Motion::Space
     };
-    if let Motion::Line(line) = motion {
-        springs.keep_on_line(line);
-    }
     let batches = Batches {
         springs,
         dashpots,
@@ -65,22 +60,26 @@ pub fn compile(scene: &Scene) -> Result<System, CompileError> {
 
 /// Where free nodes and the anchors they feel lie and move.
 fn motion_of(scene: &Scene, numbering: &Numbering, connections: [&Connections; 2]) -> Motion {
-    let anchors = connections.into_iter().flat_map(|connections| {
-        let anchored = &connections.ends()[connections.anchored()];
-        anchored.iter().map(|ends| ends[1] as usize)
-    });
-    let mut blocks: Vec<usize> = anchors.collect();
+    let live = || {
+        connections
+            .into_iter()
+            .flat_map(|connections| &connections.ends()[connections.live()])
+    };
+    let n_free = numbering.n_free();
+    let ends = live().flatten().map(|&block| block as usize);
+    let mut blocks: Vec<usize> = ends.filter(|&block| block >= n_free).collect();
     blocks.sort_unstable();
     blocks.dedup();
-    blocks.extend(0..numbering.n_free());
-    let nodes = || {
-        blocks
-            .iter()
-            .map(|&block| &scene.nodes[numbering.node(block)])
-    };
-    let positions: Vec<_> = nodes().map(|node| node.position).collect();
-    let velocities: Vec<_> = nodes().map(|node| node.velocity).collect();
-    Motion::of(&positions, &velocities, &scene.gravity)
+    blocks.extend(0..n_free);
+    let node = |block: usize| &scene.nodes[numbering.node(block)];
+    let positions: Vec<_> = blocks.iter().map(|&block| node(block).position).collect();
+    let velocities: Vec<_> = blocks.iter().map(|&block| node(block).velocity).collect();
+    let motion = Motion::of(&positions, &velocities, &scene.gravity);
+    let pushes_out = live().any(|ends| {
+        let [a, b] = ends.map(|block| node(block as usize).position);
+        motion.is_left_by(&(b - a))
+    });
+    if pushes_out { Motion::Space } else { motion }
 }
 
 /// Mass of each free block, in kg.

@@ -18,7 +18,7 @@ pub struct Dashpots {
 impl Dashpots {
     pub(crate) fn new(scene: &Scene, numbering: &Numbering) -> Self {
         let is_damped = |spring: &Spring| spring.damping > 0.0;
-        let firsts = firsts_of_pairs(scene, is_damped);
+        let firsts = firsts_of_pairs(scene, |spring| is_damped(spring).then_some(()));
         let mut sums = vec![0.0; scene.springs.len()];
         for (spring, &first) in scene.springs.iter().zip(&firsts) {
             sums[first] += spring.damping;

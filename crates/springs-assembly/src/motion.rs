@@ -7,7 +7,8 @@ use nalgebra::Vector3;
 ///
 /// The Hessian of springs in a plane couples nothing in it with anything across,
 /// so the system matrix falls into two blocks, and the right-hand side across is
-/// zero; likewise on a line.
+/// zero; likewise on a line. Nodes and velocities lie there up to rounding of the
+/// largest, and every spring and dashpot up to 1e-10 of its own length.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Motion {
     /// No such symmetry.
@@ -21,6 +22,11 @@ pub enum Motion {
 /// Coordinates are off a plane or line by rounding, up to so many units in the
 /// last place.
 const ROUNDING: f64 = 32.0 * f64::EPSILON;
+
+/// A force along a connection has no part across if that would be below this part
+/// of it: what rounding of coordinates makes of short connections far from the
+/// origin.
+const ACROSS: f64 = 1e-10;
 
 /// Vectors of one kind, with what a difference from zero is compared with.
 struct Kind {
@@ -36,6 +42,16 @@ impl Motion {
             Self::Plane(_) => 2,
             Self::Line(_) => 1,
         }
+    }
+
+    /// Whether a force along `direction` has a part across the plane or line.
+    pub(crate) fn is_left_by(&self, direction: &Vector3<f64>) -> bool {
+        let along: &[Vector3<f64>] = match self {
+            Self::Space => return false,
+            Self::Plane(basis) => basis,
+            Self::Line(line) => std::slice::from_ref(line),
+        };
+        without(direction, along).norm() > ACROSS * direction.norm()
     }
 
     /// Where all `positions` lie, and where `velocities` and `gravity` point.
@@ -92,13 +108,14 @@ fn along_axes(kinds: &[Kind]) -> Option<Motion> {
     }
 }
 
+/// The part of a vector across orthonormal directions.
+fn without(vector: &Vector3<f64>, directions: &[Vector3<f64>]) -> Vector3<f64> {
+    let remove = |rest: Vector3<f64>, u: &Vector3<f64>| rest - u * u.dot(&rest);
+    directions.iter().fold(*vector, remove)
+}
+
 /// Any plane or line that everything lies in, up to rounding.
 fn along_any(kinds: &[Kind]) -> Motion {
-    let without = |vector: &Vector3<f64>, directions: &[Vector3<f64>]| {
-        directions
-            .iter()
-            .fold(*vector, |rest, u| rest - u * u.dot(&rest))
-    };
     let mut directions: Vec<Vector3<f64>> = Vec::new();
     loop {
         // Whatever sticks out the most, relative to its kind.
@@ -163,6 +180,16 @@ mod tests {
             let on_line = Motion::of(&moved(&line), &still, &(turn * down));
             assert!(matches!(on_line, Motion::Line(_)), "{on_line:?}");
         }
+    }
+
+    #[test]
+    fn a_connection_may_leave_where_its_nodes_do_not() {
+        let plane = Motion::Plane([Vector3::x(), Vector3::y()]);
+        assert!(!plane.is_left_by(&Vector3::new(1.0, 2.0, 1e-11)));
+        assert!(plane.is_left_by(&Vector3::new(0.0, 0.0, 5e-12)));
+        assert!(!plane.is_left_by(&Vector3::zeros()));
+        assert!(Motion::Line(Vector3::x()).is_left_by(&Vector3::new(1.0, 1e-9, 0.0)));
+        assert!(!Motion::Space.is_left_by(&Vector3::z()));
     }
 
     #[test]

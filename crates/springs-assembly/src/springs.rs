@@ -2,7 +2,7 @@
 
 use crate::batch::{Connections, firsts_of_pairs};
 use crate::matrix::times;
-use crate::{Evaluation, ForceEmitter, Linearization, Numbering, PACKED, Projection};
+use crate::{Evaluation, ForceEmitter, Linearization, Numbering, Projection};
 use nalgebra::Vector3;
 use springs_math::{Separation, spring};
 use springs_scene::{Scene, Spring};
@@ -10,85 +10,56 @@ use springs_scene::{Scene, Spring};
 /// The packed identity.
 const IDENTITY: [f64; 6] = [1.0, 0.0, 0.0, 1.0, 0.0, 1.0];
 
-/// All springs that have a stiffness; those between the same two nodes are one,
-/// unless the scene says otherwise: K = ΣK, l₀ = ΣK·l₀/K.
+/// All springs that have a stiffness; those of one rest length between the same
+/// two nodes are one, unless the scene says otherwise: K = ΣK. Their tensions are
+/// in proportion to their stiffnesses, so that this is exact with every
+/// [`Projection`].
 #[derive(Clone, Debug)]
 pub struct Springs {
     pub(crate) connections: Connections,
     stiffness: Vec<f64>,
     rest_length: Vec<f64>,
     scene_index: Vec<usize>,
-    /// Springs that became part of another one between the same nodes, and the
-    /// energy, in J, that they have beyond that of the sum.
+    /// Springs that became part of another one between the same nodes.
     n_merged: usize,
-    energy_of_merged: f64,
-    /// What the Hessian is known to be.
-    shape: Shape,
-}
-
-/// What the Hessian of the springs with a free end is known to be.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Shape {
-    /// Anything.
-    General,
-    /// K·I for every spring: all rest lengths are zero.
-    Isotropic,
-    /// K u uᵀ, as far as motion along the unit vector u goes.
-    Line(Vector3<f64>),
+    /// Whether the Hessian of every spring with a free end is K·I: all their rest
+    /// lengths are zero.
+    is_isotropic: bool,
 }
 
 impl Springs {
     pub(crate) fn new(scene: &Scene, numbering: &Numbering) -> Self {
         let is_stiff = |spring: &Spring| spring.stiffness > 0.0;
-        let firsts = firsts_of_pairs(scene, is_stiff);
-        // Σ K and Σ K l₀ of each pair.
-        let mut sums = vec![(0.0, 0.0); scene.springs.len()];
+        // Rest lengths are not negative, so their bits are in their order.
+        let firsts = firsts_of_pairs(scene, |spring| {
+            is_stiff(spring).then_some((spring.rest_length + 0.0).to_bits())
+        });
+        let mut sums = vec![0.0; scene.springs.len()];
         let mut n_merged = 0;
-        let springs = || scene.springs.iter().zip(&firsts).enumerate();
-        for (index, (spring, &first)) in springs().filter(|(_, (spring, _))| is_stiff(spring)) {
-            sums[first].0 += spring.stiffness;
-            sums[first].1 += spring.stiffness * spring.rest_length;
+        for (index, (spring, &first)) in scene.springs.iter().zip(&firsts).enumerate() {
+            sums[first] += spring.stiffness;
             n_merged += usize::from(first != index);
         }
         let (connections, order) = Connections::new(scene, numbering, |index| {
             is_stiff(&scene.springs[index]) && firsts[index] == index
         });
-        // One rest length stays as it is, to the last bit.
-        let mut is_one = vec![true; scene.springs.len()];
-        for (_, (spring, &first)) in springs() {
-            is_one[first] &= spring.rest_length == scene.springs[first].rest_length;
-        }
-        let rest_length = |index: usize| match is_one[index] {
-            true => scene.springs[index].rest_length,
-            false => sums[index].1 / sums[index].0,
-        };
-        let extra = springs().filter(|(_, (spring, first))| is_stiff(spring) && !is_one[**first]);
-        let extra = extra.map(|(_, (spring, &first))| {
-            0.5 * spring.stiffness * (spring.rest_length - rest_length(first)).powi(2)
-        });
+        let rest_length = |&index: &usize| scene.springs[index].rest_length;
         let mut springs = Self {
             n_merged,
-            energy_of_merged: extra.sum(),
             connections,
-            stiffness: order.iter().map(|&index| sums[index].0).collect(),
-            rest_length: order.iter().map(|&index| rest_length(index)).collect(),
+            stiffness: order.iter().map(|&index| sums[index]).collect(),
+            rest_length: order.iter().map(rest_length).collect(),
             scene_index: order,
-            shape: Shape::General,
+            is_isotropic: false,
         };
         let mut live = springs.connections.live();
-        if scene.settings.skip && live.all(|index| springs.rest_length[index] == 0.0) {
-            springs.shape = Shape::Isotropic;
-        }
+        springs.is_isotropic =
+            scene.settings.skip && live.all(|index| springs.rest_length[index] == 0.0);
         springs
     }
 
-    /// The scene is known to move along `line` only.
-    pub(crate) fn keep_on_line(&mut self, line: Vector3<f64>) {
-        self.shape = Shape::Line(line);
-    }
-
     pub(crate) fn is_isotropic(&self) -> bool {
-        self.shape == Shape::Isotropic
+        self.is_isotropic
     }
 
     /// How many springs became part of another one between the same nodes.
@@ -113,6 +84,17 @@ impl Springs {
     /// If there is no such spring.
     pub fn scene_index(&self, index: usize) -> usize {
         self.scene_index[index]
+    }
+
+    /// The free block at an end of the spring at `index` of the batch; the first,
+    /// if both are free.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such spring.
+    pub fn free_block(&self, index: usize) -> Option<usize> {
+        let first = self.connections.ends()[index][0] as usize;
+        self.connections.live().contains(&index).then_some(first)
     }
 
     fn material(&self, index: usize) -> spring::Spring {
@@ -149,13 +131,13 @@ impl Springs {
         }
     }
 
-    /// Forces, and the block K·`unit` of every spring, whatever its state.
-    fn linearize_constant(&self, unit: [f64; 6], at: &Evaluation<'_>, out: &mut Linearization) {
+    /// Forces, and the block K·I of every spring, whatever its state.
+    fn linearize_isotropic(&self, at: &Evaluation<'_>, out: &mut Linearization) {
         let weight = at.weights.stiffness;
         for index in self.connections.live() {
             let force = self.force(index, at.x);
             let stiffness = weight * self.stiffness[index];
-            let block = unit.map(|entry| stiffness * entry);
+            let block = IDENTITY.map(|entry| stiffness * entry);
             self.add_linearized(index, force, &block, at, out);
         }
     }
@@ -180,9 +162,10 @@ impl Springs {
     #[inline(always)]
     fn force(&self, index: usize, x: &[Vector3<f64>]) -> Vector3<f64> {
         let dx = self.connections.difference(index, x);
-        match self.shape {
-            Shape::Isotropic => dx * self.stiffness[index],
-            _ => spring::force(self.material(index), &Vector3::zeros(), &dx),
+        if self.is_isotropic {
+            dx * self.stiffness[index]
+        } else {
+            spring::force(self.material(index), &Vector3::zeros(), &dx)
         }
     }
 
@@ -312,7 +295,7 @@ impl ForceEmitter for Springs {
             let dx = self.connections.difference(index, x);
             spring::energy(self.material(index), &Vector3::zeros(), &dx)
         };
-        (0..self.len()).map(energy).sum::<f64>() + self.energy_of_merged
+        (0..self.len()).map(energy).sum()
     }
 
     fn add_forces(&self, x: &[Vector3<f64>], _v: &[Vector3<f64>], forces: &mut [Vector3<f64>]) {
@@ -323,17 +306,8 @@ impl ForceEmitter for Springs {
     }
 
     fn linearize(&self, at: &Evaluation<'_>, out: &mut Linearization) {
-        match (self.shape, at.projection) {
-            (Shape::Line(line), _) => {
-                let unit = line * line.transpose();
-                return self.linearize_constant(PACKED.map(|entry| unit[entry]), at, out);
-            }
-            (Shape::Isotropic, projection)
-                if projection != Projection::Drop && at.tensions.is_none() =>
-            {
-                return self.linearize_constant(IDENTITY, at, out);
-            }
-            _ => {}
+        if self.is_isotropic && at.projection != Projection::Drop && at.tensions.is_none() {
+            return self.linearize_isotropic(at, out);
         }
         // One loop for each, without a choice inside.
         match at.projection {

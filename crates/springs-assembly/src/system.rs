@@ -300,6 +300,25 @@ impl System {
         (2.0 * bound).sqrt()
     }
 
+    /// As [`Self::frequency_bound`], over the nodes that have a mass; in rad/s.
+    pub fn frequency_bound_of_massive_nodes(&self) -> f64 {
+        let bound = self.largest_per_mass(|sums| {
+            self.batches.springs.add_stiffness_sums(sums);
+            let of_masses = sums.iter_mut().zip(&self.masses);
+            of_masses
+                .filter(|(_, mass)| **mass == 0.0)
+                .for_each(|(sum, _)| *sum = 0.0);
+        });
+        (2.0 * bound).sqrt()
+    }
+
+    /// The free and the fixed block of every spring and dashpot that joins one of
+    /// each.
+    pub fn anchored(&self) -> impl Iterator<Item = [usize; 2]> {
+        let springs = self.batches.springs.connections.anchored_ends();
+        springs.chain(self.batches.dashpots.connections.anchored_ends())
+    }
+
     /// The step size, in s, up to which velocity Verlet is stable at a free
     /// block, whatever the configuration: 2/ω with ω² = (2/m) Σ K.
     ///

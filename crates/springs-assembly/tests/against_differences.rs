@@ -3,7 +3,7 @@
 
 use nalgebra::{DMatrix, DVector, Vector3};
 use springs_assembly::{
-    Evaluation, ForceEmitter, Linearization, Projection, System, Weights, compile,
+    Evaluation, ForceEmitter, Linearization, Motion, Projection, System, Weights, compile,
 };
 use springs_scene::generate::{Material, block, chain, cloth, disturb};
 use springs_scene::{Node, Scene};
@@ -135,6 +135,66 @@ fn the_matrix_is_minus_the_slope_of_the_forces() {
                 "{}, D: {error:e}",
                 scene.name
             );
+        }
+    }
+}
+
+/// Scenes in a plane, on a line and with zero rest lengths, with springs of one and of
+/// several rest lengths between the same nodes: what methods may leave out of their
+/// systems there is in the matrix.
+#[test]
+fn nothing_is_left_out_of_the_matrix() {
+    let mut scenes = Vec::new();
+    for mut scene in [
+        chain(7, Material::of_chain(7)),
+        cloth(4, Material::of_cloth()),
+    ] {
+        scene.gravity.fill(0.0);
+        for node in &mut scene.nodes {
+            node.position *= 1.02;
+        }
+        let spring = scene.springs[1];
+        for factor in [1.0, 0.5, 1.3] {
+            let [a, b] = spring.nodes;
+            let other = scene.add_spring(b, a, 200.0);
+            scene.springs[other].rest_length = factor * spring.rest_length;
+        }
+        let mut net = scene.clone();
+        net.springs
+            .iter_mut()
+            .for_each(|spring| spring.rest_length = 0.0);
+        scenes.extend([scene, net]);
+    }
+    for scene in scenes {
+        let system = compile(&scene).unwrap();
+        assert!(system.springs().n_merged() > 0);
+        assert_ne!(system.motion(), Motion::Space);
+        let (x, v) = (system.initial_positions(), system.initial_velocities());
+        let stiffness = dense(&linearize(&system, Projection::None, Weights::STIFFNESS));
+        let forces = |x: &[Vector3<f64>]| {
+            let mut forces = vec![Vector3::zeros(); system.n_free()];
+            system.forces(x, v, &mut forces);
+            flat(&forces)
+        };
+        for row in 0..3 * system.n_free() {
+            let column = difference(x, row, 1e-6, forces);
+            let error = (stiffness.column(row) + column).amax() / stiffness.amax();
+            assert!(error < 1e-8, "{}, {row}: {error:e}", scene.name);
+        }
+        // Every projection gives what it gives with each spring by itself.
+        let mut each = scene.clone();
+        each.settings.skip = false;
+        let each = compile(&each).unwrap();
+        for projection in [
+            Projection::None,
+            Projection::Clamp,
+            Projection::Absolute,
+            Projection::Drop,
+        ] {
+            let merged = dense(&linearize(&system, projection, Weights::STIFFNESS));
+            let reference = dense(&linearize(&each, projection, Weights::STIFFNESS));
+            let error = (merged - &reference).amax() / reference.amax();
+            assert!(error < 1e-14, "{}, {projection:?}: {error:e}", scene.name);
         }
     }
 }

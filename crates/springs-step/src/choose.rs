@@ -7,6 +7,7 @@ use crate::doubling::Doubling;
 use crate::filtered_leapfrog::FilteredLeapfrog;
 use crate::implicit_euler::ImplicitEuler;
 use crate::implicit_midpoint::ImplicitMidpoint;
+use crate::linear::{self, Hessian};
 use crate::pilot::equal_steps;
 use crate::rodas4::Rodas4;
 use crate::tr_bdf2::TrBdf2;
@@ -270,6 +271,19 @@ impl Choice {
     /// The method, ready to step; with an error estimate if steps are chosen
     /// from the error.
     pub(crate) fn build(&self, system: &System) -> Result<Box<dyn Method>, SetupError> {
+        let mut method = self.build_for_equal_steps(system)?;
+        if self.changes_steps() {
+            method.expect_changing_steps(system)?;
+        }
+        Ok(method)
+    }
+
+    /// Whether steps are chosen one by one.
+    fn changes_steps(&self) -> bool {
+        matches!(self.pace, Pace::Tolerance(_)) && !self.wants_equal_steps()
+    }
+
+    fn build_for_equal_steps(&self, system: &System) -> Result<Box<dyn Method>, SetupError> {
         let method: Box<dyn Method> = match self.method {
             scene::Method::Auto => unreachable!("settled by choose"),
             scene::Method::LinearlyImplicitEuler => {
@@ -294,11 +308,10 @@ impl Choice {
                 }));
             }
         };
-        Ok(match self.pace {
-            Pace::Tolerance(_) if !self.wants_equal_steps() => {
-                Box::new(Doubling::new(system, method))
-            }
-            _ => method,
+        Ok(if self.changes_steps() {
+            Box::new(Doubling::new(system, method))
+        } else {
+            method
         })
     }
 
@@ -314,15 +327,34 @@ impl Choice {
 
     /// Whether there is a matrix.
     pub fn has_matrix(&self) -> bool {
-        matches!(
-            self.method,
-            scene::Method::LinearlyImplicitEuler
-                | scene::Method::ImplicitEuler
-                | scene::Method::ImplicitMidpoint
-                | scene::Method::TrBdf2
-                | scene::Method::FilteredLeapfrog
-                | scene::Method::Rodas4
-        )
+        self.hessian().is_some()
+    }
+
+    /// Whether there is a matrix that depends on nothing but the step size.
+    pub fn has_constant_matrix(&self, system: &System) -> bool {
+        let hessian = self.hessian();
+        hessian.is_some_and(|hessian| linear::is_constant(system, hessian))
+    }
+
+    /// Whether there is a matrix whose blocks are multiples of the identity.
+    pub fn has_isotropic_matrix(&self, system: &System) -> bool {
+        let hessian = self.hessian();
+        hessian.is_some_and(|hessian| linear::is_isotropic(system, hessian))
+    }
+
+    /// What the method's matrix has, if there is one.
+    fn hessian(&self) -> Option<Hessian> {
+        match self.method {
+            scene::Method::LinearlyImplicitEuler => {
+                Some(Hessian::of_tangent(self.tangent.unwrap_or(Tangent::Exact)))
+            }
+            scene::Method::ImplicitEuler
+            | scene::Method::ImplicitMidpoint
+            | scene::Method::TrBdf2 => Some(Hessian::Exact),
+            scene::Method::FilteredLeapfrog => Some(Hessian::Altered),
+            scene::Method::Rodas4 => Some(Hessian::Unclamped),
+            _ => None,
+        }
     }
 }
 

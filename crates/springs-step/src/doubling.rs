@@ -6,6 +6,7 @@ use crate::{
 };
 use nalgebra::Vector3;
 use springs_assembly::System;
+use springs_solver::SolveError;
 
 /// Any method, made to estimate its error: each step is made once as a whole
 /// and once as two halves, which are the result; their difference is the
@@ -57,6 +58,10 @@ impl Method for Doubling {
 
     fn setup(&self) -> Work {
         self.method.setup()
+    }
+
+    fn expect_changing_steps(&mut self, system: &System) -> Result<(), SolveError> {
+        self.method.expect_changing_steps(system)
     }
 
     fn restart(&mut self) {

@@ -47,6 +47,10 @@ impl Method for ImplicitEuler {
         self.stage.setup()
     }
 
+    fn expect_changing_steps(&mut self, system: &System) -> Result<(), SolveError> {
+        self.stage.expect_changing_steps(system)
+    }
+
     fn restart(&mut self) {
         self.tensions.forget();
     }

@@ -22,7 +22,9 @@
 
 mod anchors;
 mod auto;
+mod checked_solver;
 mod choose;
+mod components;
 mod controller;
 mod dop853;
 mod doubling;

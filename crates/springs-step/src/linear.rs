@@ -1,29 +1,46 @@
 //! The linear systems of methods with a matrix.
 
+use crate::checked_solver::{CheckCounts, CheckedSolver};
+use crate::components::Components;
 use crate::work::timed;
 use crate::{HiddenState, MethodError, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::{Evaluation, Linearization, Motion, Projection, System, Weights};
-use springs_scene::Solution;
+use springs_scene::{Solution, Tangent};
 use springs_solver::{Options, Price, Route, SolveError, Solver, Subspace};
 
 /// Forces and matrix of a method at one state, and the solver of their systems.
 pub(crate) struct LinearSystem {
-    solver: Solver,
+    solver: CheckedSolver,
+    hessian: Hessian,
+    components: Components,
     out: Linearization,
     solution: Solution,
-    /// Whether the matrix is that of springs of rest length zero, which does
-    /// not depend on the state.
-    is_isotropic: bool,
-    /// Whether it depends on nothing but the weights, and those of the last one.
+    reduced: Reduced,
+    /// Whether the matrix depends on nothing but the weights, and those of the
+    /// last one with the velocities of the fixed blocks at that time.
     is_constant: bool,
     weights: Option<Weights>,
-    /// Bound on the square of the angular frequency, in 1/s².
+    anchor_velocities: Vec<Vector3<f64>>,
+    /// Bound on the square of the angular frequency of nodes with a mass, in 1/s².
     frequency_square: f64,
     /// The right-hand side and the residual of a solution that is refined.
     rhs: Vec<Vector3<f64>>,
     residual: Vec<Vector3<f64>>,
+    /// Tensions that give some of the parts a clamped matrix.
+    tensions: Vec<f64>,
     setup: Work,
+}
+
+/// What is left of a matrix, where it does not need to be assembled as asked.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Reduced {
+    /// The whole.
+    Whole,
+    /// K·I for every spring, whatever the tensions.
+    Isotropic,
+    /// K u uᵀ for every spring: nothing else acts along the line of all motion.
+    Line,
 }
 
 /// What becomes of negative across stiffness.
@@ -56,6 +73,16 @@ pub(crate) enum Purpose {
     Estimate,
 }
 
+impl Hessian {
+    /// Of linearly implicit Euler.
+    pub(crate) fn of_tangent(tangent: Tangent) -> Self {
+        match tangent {
+            Tangent::Exact | Tangent::Clamped | Tangent::Absolute => Self::Exact,
+            Tangent::Material | Tangent::Filtered => Self::Altered,
+        }
+    }
+}
+
 impl Purpose {
     /// The part of the solution that may be wrong.
     fn accuracy(self, solution: Solution) -> f64 {
@@ -68,64 +95,123 @@ impl Purpose {
     }
 }
 
-/// Whether the matrix of a method has the Hessian itself wherever that is
-/// positive definite.
+/// Which Hessian the matrix of a method has.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Hessian {
+    /// The Hessian itself, clamped where that is not positive definite or where
+    /// the tangent says so.
     Exact,
-    /// Other across stiffness may take its place.
+    /// The Hessian itself, or the step fails.
+    Unclamped,
+    /// Other across stiffness may take its place, even where rest lengths are zero.
     Altered,
+}
+
+/// Whether steps are of one size.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Steps {
+    Equal,
+    Changing,
 }
 
 /// From this ratio of stiffness and mass in the matrix, c²ω²/1, on, solutions are
 /// refined: a relative error of momentum of 1e-16 times that matters.
 const WORTH_REFINING: f64 = 1e7;
 
-/// How systems of a scene are solved.
-fn options(system: &System, hessian: Hessian) -> Options<'_> {
-    Options {
-        positions: Some(blocks_of(&system.initial_positions()[..system.n_free()])),
+/// How systems of a scene, or of some of its blocks at these positions, are
+/// solved, and a direction across the plane or line of the motion, in which the
+/// matrix must be positive definite, too.
+pub(crate) fn solver_options<'a>(
+    system: &System,
+    hessian: Hessian,
+    steps: Steps,
+    positions: &'a [[f64; 3]],
+) -> (Options<'a>, Option<Vector3<f64>>) {
+    let subspace = match system.motion() {
+        Motion::Line(line) => Subspace::Line(line.into()),
+        Motion::Space | Motion::Plane(_) if is_isotropic(system, hessian) => Subspace::Isotropic,
+        Motion::Plane(basis) => Subspace::Plane(basis.map(Into::into)),
+        Motion::Space => Subspace::Space,
+    };
+    let normal = match (system.motion(), subspace) {
+        (Motion::Plane([u, v]), Subspace::Plane(_)) => Some(u.cross(&v)),
+        (Motion::Line(line), _) if is_across_in_doubt(system, hessian) => Some(normal_of(&line)),
+        _ => None,
+    };
+    let options = Options {
+        positions: Some(positions),
         threads: system.threads(),
         // A factor that is made once costs nothing.
-        route: match is_constant(system, hessian) {
-            true => Route::Double,
-            false => Route::Auto,
+        route: if is_constant(system, hessian) && steps == Steps::Equal {
+            Route::Double
+        } else {
+            Route::Auto
         },
-        subspace: match system.motion() {
-            Motion::Line(line) => Subspace::Line(line.into()),
-            Motion::Space | Motion::Plane(_) if is_isotropic(system, hessian) => {
-                Subspace::Isotropic
-            }
-            Motion::Plane(basis) => Subspace::Plane(basis.map(Into::into)),
-            Motion::Space => Subspace::Space,
-        },
-    }
+        subspace,
+    };
+    (options, normal)
+}
+
+/// A unit vector across another one.
+fn normal_of(line: &Vector3<f64>) -> Vector3<f64> {
+    line.cross(&Vector3::ith(line.iamin(), 1.0)).normalize()
+}
+
+/// Whether the matrix across a line may not be positive definite: clamping, which
+/// changes nothing along the line, does not help massless nodes.
+fn is_across_in_doubt(system: &System, hessian: Hessian) -> bool {
+    hessian == Hessian::Unclamped || system.masses().contains(&0.0)
 }
 
 /// Whether the matrix depends on nothing but the step size.
-fn is_constant(system: &System, hessian: Hessian) -> bool {
-    let is_line = matches!(system.motion(), Motion::Line(_));
-    is_isotropic(system, hessian) || (is_line && system.dashpots().is_empty())
+pub(crate) fn is_constant(system: &System, hessian: Hessian) -> bool {
+    reduced(system, hessian) != Reduced::Whole && system.dashpots().is_empty()
 }
 
-fn is_isotropic(system: &System, hessian: Hessian) -> bool {
-    hessian == Hessian::Exact && system.is_isotropic()
+/// Whether one matrix of numbers serves all three directions.
+pub(crate) fn is_isotropic(system: &System, hessian: Hessian) -> bool {
+    hessian != Hessian::Altered && system.is_isotropic()
 }
 
-/// Memory, in bytes, that the solver of an implicit method begins with.
+fn reduced(system: &System, hessian: Hessian) -> Reduced {
+    match system.motion() {
+        Motion::Line(_) if !is_across_in_doubt(system, hessian) => Reduced::Line,
+        _ if is_isotropic(system, hessian) => Reduced::Isotropic,
+        _ => Reduced::Whole,
+    }
+}
+
+/// Memory, in bytes, that the solver of an implicit method with equal steps begins
+/// with.
 ///
 /// # Errors
 ///
 /// If it cannot be counted.
 pub fn solver_memory(system: &System) -> Result<u64, SolveError> {
-    let pairs = system.pattern().pairs();
-    Solver::memory(system.n_free(), pairs, options(system, Hessian::Exact))
+    let positions = positions_of(system);
+    let (options, _) = solver_options(system, Hessian::Exact, Steps::Equal, positions);
+    Solver::memory(system.n_free(), system.pattern().pairs(), options)
 }
 
-/// What systems of a scene will cost, roughly.
+/// What systems of a scene will cost, roughly, with steps of changing size.
 pub(crate) fn price(system: &System) -> Result<Price, SolveError> {
-    let pairs = system.pattern().pairs();
-    Solver::price(system.n_free(), pairs, options(system, Hessian::Exact))
+    let positions = positions_of(system);
+    let (options, _) = solver_options(system, Hessian::Exact, Steps::Changing, positions);
+    Solver::price(system.n_free(), system.pattern().pairs(), options)
+}
+
+fn checked_solver(
+    system: &System,
+    hessian: Hessian,
+    steps: Steps,
+) -> Result<CheckedSolver, SolveError> {
+    let (options, normal) = solver_options(system, hessian, steps, positions_of(system));
+    CheckedSolver::analyze(system.n_free(), system.pattern().pairs(), options, normal)
+}
+
+/// Positions of the free blocks as plain arrays.
+pub(crate) fn positions_of(system: &System) -> &[[f64; 3]] {
+    blocks_of(&system.initial_positions()[..system.n_free()])
 }
 
 impl LinearSystem {
@@ -133,19 +219,33 @@ impl LinearSystem {
     pub(crate) fn new(system: &System, hessian: Hessian) -> Result<Self, SolveError> {
         let mut setup = Work::default();
         setup.counts.symbolic_factorizations += 1;
-        let pairs = system.pattern().pairs();
         Ok(Self {
-            solver: Solver::analyze(system.n_free(), pairs, options(system, hessian))?,
+            solver: checked_solver(system, hessian, Steps::Equal)?,
+            hessian,
+            components: Components::new(system, hessian),
             out: system.linearization(),
             solution: system.solution(),
-            is_isotropic: is_isotropic(system, hessian),
+            reduced: reduced(system, hessian),
             is_constant: is_constant(system, hessian),
             weights: None,
-            frequency_square: system.frequency_bound().powi(2),
+            anchor_velocities: system.initial_velocities()[system.n_free()..].to_vec(),
+            frequency_square: system.frequency_bound_of_massive_nodes().powi(2),
             rhs: Vec::new(),
             residual: Vec::new(),
+            tensions: Vec::new(),
             setup,
         })
+    }
+
+    /// Prepares for steps of changing size, where even a matrix that depends on
+    /// nothing else changes often.
+    pub(crate) fn expect_changing_steps(&mut self, system: &System) -> Result<(), SolveError> {
+        if self.is_constant {
+            self.solver = checked_solver(system, self.hessian, Steps::Changing)?;
+            self.weights = None;
+            self.setup.counts.symbolic_factorizations += 1;
+        }
+        Ok(())
     }
 
     /// What its solver has learned; the matrix itself is made anew.
@@ -171,10 +271,11 @@ impl LinearSystem {
     }
 
     /// Forces and matrix; then `fill` makes the right-hand side of them in `x`,
-    /// which becomes the solution. Springs that are clamped on demand
-    /// are counted. Gives what was linearized in the end.
+    /// which becomes the solution. Clamping on demand is a matter of each
+    /// connected part: the springs of those parts whose matrix is not positive
+    /// definite are clamped, and counted. Gives what was linearized in the end.
     pub(crate) fn linearize_and_solve<'a>(
-        &mut self,
+        &'a mut self,
         system: &System,
         Linearized {
             at,
@@ -185,33 +286,124 @@ impl LinearSystem {
         x: &mut [Vector3<f64>],
         work: &mut Work,
     ) -> Result<Evaluation<'a>, MethodError> {
-        let first = match on_demand {
-            OnDemand::Clamp => Projection::None,
-            OnDemand::Always => at.projection,
-        };
-        let mut attempt = |projection, work: &mut Work| {
-            self.linearize(system, Evaluation { projection, ..at }, work)?;
-            timed(&mut work.phases.assembly, || fill(&mut self.out, x));
-            let at = self.taken(Evaluation { projection, ..at });
-            self.solve_refined(system, &at, x, purpose, work)?;
-            Ok(at)
-        };
-        match attempt(first, work) {
-            Err(_) if on_demand == OnDemand::Clamp => {
-                let clamped = system.springs().count_compressed(at.x, at.tensions);
-                work.counts.clamped_springs += clamped as u64;
-                attempt(Projection::Clamp, work)
-            }
-            done => done,
+        if on_demand == OnDemand::Always {
+            self.attempt(system, at, purpose, &mut fill, x, work)?;
+            return Ok(self.taken(at));
         }
+        let unclamped = Evaluation {
+            projection: Projection::None,
+            ..at
+        };
+        let block = match self.attempt(system, unclamped, purpose, &mut fill, x, work) {
+            Err(MethodError::NotPositiveDefinite { block }) => block,
+            done => return done.map(|()| self.taken(unclamped)),
+        };
+        if self.components.is_one() {
+            let clamped = system.springs().count_compressed(at.x, at.tensions);
+            work.counts.clamped_springs += clamped as u64;
+            let clamped = Evaluation {
+                projection: Projection::Clamp,
+                ..at
+            };
+            self.attempt(system, clamped, purpose, &mut fill, x, work)?;
+            return Ok(self.taken(clamped));
+        }
+        let mut tensions = std::mem::take(&mut self.tensions);
+        let done = self
+            .clamp_parts(system, &unclamped, purpose, block, &mut tensions, work)
+            .and_then(|()| {
+                let clamped = Evaluation {
+                    tensions: Some(&tensions),
+                    ..unclamped
+                };
+                self.attempt(system, clamped, purpose, &mut fill, x, work)
+            });
+        self.tensions = tensions;
+        done?;
+        Ok(self.taken(Evaluation {
+            tensions: Some(&self.tensions),
+            ..unclamped
+        }))
     }
 
-    /// What is really linearized: a matrix that does not depend on the state
-    /// does not depend on tensions either.
+    /// Linearizes, fills in the right-hand side and solves. If the matrix is not
+    /// positive definite, the right-hand side is kept where parts will need it.
+    fn attempt(
+        &mut self,
+        system: &System,
+        at: Evaluation<'_>,
+        purpose: Purpose,
+        fill: &mut impl FnMut(&mut Linearization, &mut [Vector3<f64>]),
+        x: &mut [Vector3<f64>],
+        work: &mut Work,
+    ) -> Result<(), MethodError> {
+        let linearized = self.linearize(system, at, work);
+        if linearized.is_err() && self.components.is_one() {
+            return linearized;
+        }
+        timed(&mut work.phases.assembly, || fill(&mut self.out, x));
+        if !self.components.is_one() {
+            self.rhs.clear();
+            self.rhs.extend_from_slice(x);
+        }
+        linearized?;
+        let at = self.taken(at);
+        self.solve_refined(system, &at, x, purpose, work)
+    }
+
+    /// Finds out which connected parts of the last matrix, which failed at
+    /// `block`, are not positive definite; `tensions` become those of `at`, but
+    /// not negative there.
+    fn clamp_parts(
+        &mut self,
+        system: &System,
+        at: &Evaluation<'_>,
+        purpose: Purpose,
+        block: usize,
+        tensions: &mut Vec<f64>,
+        work: &mut Work,
+    ) -> Result<(), MethodError> {
+        let mut counts = CheckCounts::default();
+        let accuracy = purpose.accuracy(self.solution);
+        let (matrix, rhs) = (&self.out.matrix, (&self.rhs[..], accuracy));
+        let judged = timed(&mut work.phases.factorization, || {
+            self.components
+                .judge(system, matrix, rhs, block, &mut counts)
+        });
+        count(counts, work);
+        judged.map_err(MethodError::of)?;
+        let springs = system.springs();
+        tensions.resize(springs.len(), 0.0);
+        match at.tensions {
+            Some(given) => tensions.copy_from_slice(given),
+            None => springs.tensions(at.x, tensions),
+        }
+        for (spring, tension) in tensions.iter_mut().enumerate() {
+            if *tension < 0.0
+                && let Some(block) = springs.free_block(spring)
+                && self.components.is_indefinite_at(block)
+            {
+                *tension = 0.0;
+                work.counts.clamped_springs += 1;
+            }
+        }
+        Ok(())
+    }
+
+    /// What is really linearized, where it makes no difference along the motion.
     fn taken<'a>(&self, at: Evaluation<'a>) -> Evaluation<'a> {
-        Evaluation {
-            tensions: at.tensions.filter(|_| !self.is_isotropic),
-            ..at
+        match self.reduced {
+            Reduced::Whole => at,
+            Reduced::Isotropic => Evaluation {
+                tensions: None,
+                ..at
+            },
+            Reduced::Line => Evaluation {
+                projection: Projection::Drop,
+                tensions: None,
+                dashpot_tension: false,
+                ..at
+            },
         }
     }
 
@@ -223,13 +415,17 @@ impl LinearSystem {
         work: &mut Work,
     ) -> Result<(), MethodError> {
         work.counts.linearizations += 1;
-        if self.is_constant && self.weights == Some(at.weights) {
-            // So is what anchors bring: they do not change their velocities.
+        let anchor_velocities = &at.v[system.n_free()..];
+        if self.is_constant
+            && self.weights == Some(at.weights)
+            && self.anchor_velocities[..] == *anchor_velocities
+        {
             timed(&mut work.phases.assembly, || {
                 system.forces(at.x, at.v, &mut self.out.forces);
             });
             return Ok(());
         }
+        self.anchor_velocities.copy_from_slice(anchor_velocities);
         let at = self.taken(at);
         timed(&mut work.phases.assembly, || {
             system.linearize(&at, &mut self.out);
@@ -241,12 +437,14 @@ impl LinearSystem {
                 .set_matrix(matrix.diagonal(), matrix.off_diagonal())
         });
         work.counts.factorizations += self.solver.counts().factorizations - before.factorizations;
+        count(self.solver.take_check_counts(), work);
         self.weights = done.is_ok().then_some(at.weights);
         done.map_err(MethodError::of)
     }
 
     /// Solves with the last matrix. Where stiffness hides the masses in its
-    /// sums, the solution is refined once, with the residual term by term.
+    /// sums, the solution is refined once, with the residual term by term; but not
+    /// a correction by iteration, which the next correction mends.
     fn solve_refined(
         &mut self,
         system: &System,
@@ -257,7 +455,8 @@ impl LinearSystem {
     ) -> Result<(), MethodError> {
         let stiffness = at.weights.stiffness * self.frequency_square;
         let is_hidden = stiffness > at.weights.mass * WORTH_REFINING && stiffness.is_finite();
-        if !is_hidden {
+        let is_mended = purpose == Purpose::Correction && self.solver.experience().is_iterative;
+        if !is_hidden || is_mended {
             return self.solve(x, purpose, work);
         }
         self.rhs.clear();
@@ -327,6 +526,11 @@ impl LinearSystem {
             .and_then(|()| self.solve(errors, Purpose::Estimate, work))
             .is_ok()
     }
+}
+
+fn count(counts: CheckCounts, work: &mut Work) {
+    work.counts.symbolic_factorizations += counts.symbolic_factorizations;
+    work.counts.factorizations += counts.factorizations;
 }
 
 /// Vectors as plain numbers.

@@ -3,6 +3,7 @@
 use crate::{Anchors, Flows, HiddenState, MethodError, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::System;
+use springs_solver::SolveError;
 
 /// The time span of one step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -52,6 +53,16 @@ pub trait Method: Send {
     /// What its construction took, such as a symbolic factorization.
     fn setup(&self) -> Work {
         Work::default()
+    }
+
+    /// Says, before the first step, that steps will be of changing size, for which
+    /// other ways to solve may pay.
+    ///
+    /// # Errors
+    ///
+    /// If there is not enough memory for these.
+    fn expect_changing_steps(&mut self, _system: &System) -> Result<(), SolveError> {
+        Ok(())
     }
 
     /// Forgets hidden state; the next step starts from positions and

@@ -1,15 +1,15 @@
 //! How far a system can still move from where it is.
 
 use crate::State;
-use crate::linear::numbers_mut;
+use crate::linear::{Hessian, Steps, numbers_mut, positions_of, solver_options};
 use nalgebra::Vector3;
-use springs_assembly::{Evaluation, Linearization, Projection, System, Weights};
-use springs_solver::{Options, Solver};
+use springs_assembly::{Evaluation, Linearization, Motion, Projection, System, Weights};
+use springs_solver::{Experience, Solver};
 
 /// Finds out whether a system is at rest: exactly, or up to small motion about a
 /// stable equilibrium.
 pub(crate) struct Rest {
-    /// Of the Hessian; `None` if it cannot be analyzed.
+    /// Of the Hessian, as the methods have theirs; `None` if it cannot be analyzed.
     solver: Option<Solver>,
     out: Linearization,
     toward: Vec<Vector3<f64>>,
@@ -21,10 +21,11 @@ const ITERATIONS: usize = 8;
 
 impl Rest {
     pub(crate) fn new(system: &System) -> Self {
-        let pairs = system.pattern().pairs();
         let zeros = vec![Vector3::zeros(); system.n_free()];
+        let positions = positions_of(system);
+        let (options, _) = solver_options(system, Hessian::Exact, Steps::Changing, positions);
         Self {
-            solver: Solver::analyze(system.n_free(), pairs, Options::default()).ok(),
+            solver: Solver::analyze(system.n_free(), system.pattern().pairs(), options).ok(),
             out: system.linearization(),
             toward: zeros.clone(),
             slowest: zeros,
@@ -42,8 +43,9 @@ impl Rest {
     /// How far, in m, any node can still get from where it is: to the
     /// equilibrium by the Hessian H, x + H⁻¹f, and from there as far as the
     /// energy E = ½ fᵀH⁻¹f + ½ vᵀM v reaches in the softest direction, √(2E/λ),
-    /// to first order. `None` where fixed nodes move or H is not positive
-    /// definite, so that motion need not end.
+    /// to first order. `None` where fixed nodes move or H, in the plane or along
+    /// the line that the motion stays in, is not positive definite, so that motion
+    /// need not end.
     pub(crate) fn reach(&mut self, system: &System, state: &State) -> Option<f64> {
         let n_free = system.n_free();
         let anchors = &state.v[n_free..];
@@ -53,13 +55,20 @@ impl Rest {
         let at = Evaluation {
             x: &state.x,
             v: &state.v,
-            projection: Projection::None,
+            // Along a line there is K u uᵀ only.
+            projection: if matches!(system.motion(), Motion::Line(_)) {
+                Projection::Drop
+            } else {
+                Projection::None
+            },
             tensions: None,
             dashpot_tension: false,
             weights: Weights::STIFFNESS,
         };
         system.linearize(&at, &mut self.out);
         let solver = self.solver.as_mut()?;
+        // The same state is judged the same way, whatever came before.
+        *solver.experience() = Experience::default();
         let matrix = &self.out.matrix;
         let set = solver.set_matrix(matrix.diagonal(), matrix.off_diagonal());
         set.ok()?;

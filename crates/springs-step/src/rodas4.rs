@@ -90,7 +90,7 @@ impl Rodas4 {
             v: zeros.clone(),
         };
         Ok(Self {
-            linear: LinearSystem::new(system, Hessian::Exact)?,
+            linear: LinearSystem::new(system, Hessian::Unclamped)?,
             stages: std::array::from_fn(|_| slopes.clone()),
             stage: State::initial(system),
             forces: zeros.clone(),
@@ -149,6 +149,10 @@ impl Method for Rodas4 {
 
     fn setup(&self) -> Work {
         self.linear.setup()
+    }
+
+    fn expect_changing_steps(&mut self, system: &System) -> Result<(), SolveError> {
+        self.linear.expect_changing_steps(system)
     }
 
     fn restart(&mut self) {}

@@ -250,6 +250,11 @@ impl Stage {
             .predict_tensions(&state.x, &self.delta, c, &mut self.tensions);
     }
 
+    /// As [`crate::Method::expect_changing_steps`].
+    pub(crate) fn expect_changing_steps(&mut self, system: &System) -> Result<(), SolveError> {
+        self.linear.expect_changing_steps(system)
+    }
+
     /// What its construction took.
     pub(crate) fn setup(&self) -> Work {
         self.linear.setup()

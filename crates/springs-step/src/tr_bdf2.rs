@@ -120,6 +120,10 @@ impl Method for TrBdf2 {
         self.stage.setup()
     }
 
+    fn expect_changing_steps(&mut self, system: &System) -> Result<(), SolveError> {
+        self.stage.expect_changing_steps(system)
+    }
+
     fn restart(&mut self) {
         self.tensions.forget();
         self.forces_are_known = false;

@@ -97,9 +97,13 @@ pub(crate) fn check(arguments: &CheckArguments) -> anyhow::Result<Ending> {
     let mut bytes = 0;
     for part in islands.parts() {
         let simulation = part.simulation();
-        if simulation.choice().has_matrix() {
+        // One for the steps, one to find out whether the part is at rest.
+        let solvers =
+            u64::from(simulation.choice().has_matrix()) + u64::from(scene.settings.sleep.is_some());
+        if solvers > 0 {
             let system = simulation.stepper().system();
-            bytes += solver_memory(system).context("the solver cannot be sized")?;
+            let bytes_each = solver_memory(system).context("the solver cannot be sized")?;
+            bytes += solvers * bytes_each;
         }
     }
     if bytes > 0 {

@@ -1,0 +1,174 @@
+//! Connected parts of a matrix.
+
+use crate::checked_solver::{CheckCounts, CheckedSolver};
+use crate::linear::{Hessian, Steps, numbers_mut, solver_options};
+use nalgebra::Vector3;
+use springs_assembly::{BlockMatrix, System};
+use springs_solver::{Experience, SolveError};
+
+/// The connected parts of the unknowns of a system, and which of them have a
+/// matrix that is not positive definite.
+pub(crate) struct Components {
+    hessian: Hessian,
+    /// Which one each block belongs to.
+    of_block: Vec<u32>,
+    n: usize,
+    /// Made when a matrix is first found to be indefinite; not where there is one
+    /// part only.
+    members: Vec<Member>,
+    is_indefinite: Vec<bool>,
+}
+
+/// A part with a solver of its own.
+struct Member {
+    blocks: Vec<u32>,
+    pairs: Vec<u32>,
+    solver: CheckedSolver,
+    diagonal: Vec<[f64; 6]>,
+    off_diagonal: Vec<[f64; 6]>,
+    x: Vec<Vector3<f64>>,
+}
+
+impl Components {
+    pub(crate) fn new(system: &System, hessian: Hessian) -> Self {
+        // Roots are the smallest blocks of their trees.
+        let mut parents: Vec<u32> = (0..system.n_free() as u32).collect();
+        for &[a, b] in system.pattern().pairs() {
+            let (a, b) = (root(&mut parents, a), root(&mut parents, b));
+            parents[a.max(b) as usize] = a.min(b);
+        }
+        let mut n = 0;
+        let mut of_block = vec![0; parents.len()];
+        for block in 0..parents.len() as u32 {
+            let root = root(&mut parents, block);
+            of_block[block as usize] = if root == block {
+                n += 1;
+                n - 1
+            } else {
+                of_block[root as usize]
+            };
+        }
+        Self {
+            hessian,
+            of_block,
+            n: n as usize,
+            members: Vec::new(),
+            is_indefinite: vec![false; n as usize],
+        }
+    }
+
+    /// Whether there is one part at most.
+    pub(crate) fn is_one(&self) -> bool {
+        self.n <= 1
+    }
+
+    /// Finds out which parts of `matrix` are not positive definite, each as if it
+    /// were alone, and counts what that takes. The matrix as a whole failed at
+    /// `failed`, with this right-hand side.
+    pub(crate) fn judge(
+        &mut self,
+        system: &System,
+        matrix: &BlockMatrix,
+        (rhs, accuracy): (&[Vector3<f64>], f64),
+        failed: usize,
+        counts: &mut CheckCounts,
+    ) -> Result<(), SolveError> {
+        if self.members.is_empty() {
+            self.members = self.split(system)?;
+            counts.symbolic_factorizations += self.n as u64;
+        }
+        for (member, is_indefinite) in self.members.iter_mut().zip(&mut self.is_indefinite) {
+            *is_indefinite = match member.solve(matrix, rhs, accuracy, counts) {
+                Ok(()) => false,
+                Err(SolveError::NotPositiveDefinite { .. }) => true,
+                Err(error) => return Err(error),
+            };
+        }
+        // Rounding may decide otherwise within the whole.
+        if !self.is_indefinite.contains(&true) {
+            self.is_indefinite[self.of_block[failed] as usize] = true;
+        }
+        Ok(())
+    }
+
+    /// Whether the part of a block was found not to be positive definite.
+    pub(crate) fn is_indefinite_at(&self, block: usize) -> bool {
+        self.is_indefinite[self.of_block[block] as usize]
+    }
+
+    fn split(&self, system: &System) -> Result<Vec<Member>, SolveError> {
+        let mut blocks: Vec<Vec<u32>> = vec![Vec::new(); self.n];
+        let mut local = vec![0; self.of_block.len()];
+        for (block, &component) in self.of_block.iter().enumerate() {
+            let blocks = &mut blocks[component as usize];
+            local[block] = blocks.len() as u32;
+            blocks.push(block as u32);
+        }
+        let mut pairs: Vec<Vec<u32>> = vec![Vec::new(); self.n];
+        for (index, &[a, _]) in system.pattern().pairs().iter().enumerate() {
+            pairs[self.of_block[a as usize] as usize].push(index as u32);
+        }
+        let all_pairs = system.pattern().pairs();
+        let parts = blocks.into_iter().zip(pairs).map(|(blocks, pairs)| {
+            let ends = pairs.iter().map(|&pair| all_pairs[pair as usize]);
+            let ends: Vec<[u32; 2]> = ends.map(|ends| ends.map(|b| local[b as usize])).collect();
+            let positions = blocks
+                .iter()
+                .map(|&b| system.initial_positions()[b as usize]);
+            let positions: Vec<[f64; 3]> = positions.map(Into::into).collect();
+            let (options, normal) =
+                solver_options(system, self.hessian, Steps::Changing, &positions);
+            Ok(Member {
+                solver: CheckedSolver::analyze(blocks.len(), &ends, options, normal)?,
+                diagonal: vec![[0.0; 6]; blocks.len()],
+                off_diagonal: vec![[0.0; 6]; pairs.len()],
+                x: vec![Vector3::zeros(); blocks.len()],
+                blocks,
+                pairs,
+            })
+        });
+        parts.collect()
+    }
+}
+
+impl Member {
+    fn solve(
+        &mut self,
+        matrix: &BlockMatrix,
+        rhs: &[Vector3<f64>],
+        accuracy: f64,
+        counts: &mut CheckCounts,
+    ) -> Result<(), SolveError> {
+        for ((diagonal, x), &block) in self.diagonal.iter_mut().zip(&mut self.x).zip(&self.blocks) {
+            *diagonal = matrix.diagonal()[block as usize];
+            *x = rhs[block as usize];
+        }
+        for (off_diagonal, &pair) in self.off_diagonal.iter_mut().zip(&self.pairs) {
+            *off_diagonal = matrix.off_diagonal()[pair as usize];
+        }
+        // The same matrix is judged the same way, whatever came before.
+        *self.solver.experience() = Experience::default();
+        let before = self.solver.counts().factorizations;
+        let set = self.solver.set_matrix(&self.diagonal, &self.off_diagonal);
+        let done = set.and_then(|()| {
+            self.solver
+                .solve_in_place(numbers_mut(&mut self.x), accuracy)
+        });
+        let check = self.solver.take_check_counts();
+        counts.symbolic_factorizations += check.symbolic_factorizations;
+        counts.factorizations +=
+            check.factorizations + self.solver.counts().factorizations - before;
+        done
+    }
+}
+
+/// The smallest block that a block is connected with as far as is known, with
+/// shorter ways from now on.
+fn root(parents: &mut [u32], mut block: u32) -> u32 {
+    while parents[block as usize] != block {
+        let next = parents[parents[block as usize] as usize];
+        parents[block as usize] = next;
+        block = next;
+    }
+    block
+}
