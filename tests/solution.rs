@@ -3,7 +3,7 @@
 
 use springs::assembly::{Evaluation, Projection, Weights, compile};
 use springs::scene::generate::{Material, block, cloth};
-use springs::scene::{Method, Scene, Solution, StepControl, Vector3};
+use springs::scene::{Method, Node, Scene, Solution, StepControl, Vector3};
 use springs::solver::{Options, Solver};
 use springs::step::{Counts, Simulation};
 
@@ -142,4 +142,89 @@ fn iteration_makes_no_momentum() {
     let after = momentum(&simulation.nodes().velocities);
     let relative = (after - before).norm() / before.norm();
     assert!(relative < 1e-12, "{relative:e}");
+}
+
+/// What all nodes have in common does not count for the accuracy of a solution:
+/// the motion within is the same at any speed of the whole.
+#[test]
+fn moving_frames_change_nothing() {
+    let held = block(12, Material::of_block());
+    let mut free = held.clone();
+    free.nodes.iter_mut().for_each(|node| node.fixed = false);
+    for (index, node) in free.nodes.iter_mut().enumerate() {
+        node.position *= 1.0 + 0.1 * (index as f64).sin();
+    }
+    for scene in [held, free] {
+        for solution in [Solution::Sufficient, Solution::Strict] {
+            let moved = |speed: f64| {
+                let mut scene = scene.clone();
+                let velocity = Vector3::new(0.6, 0.0, 0.8) * speed;
+                for node in &mut scene.nodes {
+                    node.velocity += velocity;
+                }
+                let method = Method::LinearlyImplicitEuler;
+                let (positions, counts) = run(&scene, method, H, solution);
+                assert!(counts.solver_iterations > 0);
+                let back = positions.iter().map(|x| x - velocity * 0.5);
+                back.collect::<Vec<_>>()
+            };
+            let at_rest = moved(0.0);
+            for speed in [100.0, 1e4] {
+                let difference = distance(&at_rest, &moved(speed));
+                assert!(
+                    difference < 1e-7,
+                    "{solution:?}, {speed} m/s: {difference:e}"
+                );
+            }
+        }
+    }
+}
+
+/// A matrix of zero rest lengths does not depend on the state; with steps of
+/// changing size it changes all the same, and iteration is cheaper than factors.
+#[test]
+fn constant_matrices_are_iterated_with_where_steps_change() {
+    let mut scene = block(24, Material::of_block());
+    for spring in &mut scene.springs {
+        spring.rest_length = 0.0;
+    }
+    scene.settings.method = Method::TrBdf2;
+    scene.settings.duration = 1e-3;
+    for (step, iterates) in [
+        (StepControl::Fixed(1e-3), false),
+        (StepControl::Tolerance(1e-3), true),
+    ] {
+        scene.settings.step = step;
+        let mut simulation = Simulation::new(&scene).unwrap();
+        simulation.run(1, &mut ()).unwrap();
+        let counts = simulation.work().counts;
+        assert_eq!(counts.solver_iterations > 0, iterates, "{step:?}");
+        assert_eq!(counts.factorizations == 0, iterates, "{step:?}");
+    }
+}
+
+/// A massless node hides no mass, and does not keep others from being refined.
+#[test]
+fn stiff_solutions_are_refined_beside_a_massless_node() {
+    let mut scene = Scene {
+        gravity: Vector3::new(0.0, 0.0, -9.81),
+        ..Scene::default()
+    };
+    scene.add_node(Node::fixed(Vector3::zeros()));
+    scene.add_node(Node::at(Vector3::new(0.5, 0.0, -0.5)));
+    scene.add_node(Node {
+        mass: 1.0,
+        ..Node::at(Vector3::new(1.0, 0.0, -1.0))
+    });
+    for ends in [[0, 1], [1, 2]] {
+        let spring = scene.add_spring(ends[0], ends[1], 1e12);
+        scene.springs[spring].rest_length *= 1.0 - 1e-9;
+    }
+    let (_, counts) = run(
+        &scene,
+        Method::LinearlyImplicitEuler,
+        0.01,
+        Solution::Strict,
+    );
+    assert_eq!(2 * counts.refinements, counts.solves);
 }

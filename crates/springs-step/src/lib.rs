@@ -31,6 +31,7 @@ mod doubling;
 mod error;
 mod filtered_leapfrog;
 mod flows;
+mod frame;
 mod hidden;
 mod implicit_euler;
 mod implicit_midpoint;

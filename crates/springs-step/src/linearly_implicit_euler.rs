@@ -1,6 +1,7 @@
 //! Linearly implicit Euler: the step of the note, Eqs. 10–14.
 
 use crate::flows::Impulses;
+use crate::frame::MovingFrame;
 use crate::linear::{Hessian, LinearSystem, Linearized, OnDemand, Purpose};
 use crate::{
     Anchors, ErrorEstimate, Flows, HiddenState, Interval, Method, MethodError, State, Work,
@@ -24,6 +25,7 @@ use springs_solver::SolveError;
 pub struct LinearlyImplicitEuler {
     tangent: Tangent,
     linear: LinearSystem,
+    frame: MovingFrame,
     n_free: usize,
     /// The right-hand side, then the new velocities; those of fixed blocks.
     velocities: Vec<Vector3<f64>>,
@@ -46,13 +48,10 @@ impl LinearlyImplicitEuler {
             Tangent::Filtered => system.springs().len(),
             _ => 0,
         };
-        let hessian = match tangent {
-            Tangent::Exact | Tangent::Clamped | Tangent::Absolute => Hessian::Exact,
-            Tangent::Material | Tangent::Filtered => Hessian::Altered,
-        };
         Ok(Self {
             tangent,
-            linear: LinearSystem::new(system, hessian)?,
+            linear: LinearSystem::new(system, Hessian::of_tangent(tangent))?,
+            frame: MovingFrame::new(system),
             n_free: system.n_free(),
             velocities: vec![Vector3::zeros(); system.numbering().n_nodes()],
             tensions: vec![0.0; n_tensions],
@@ -64,7 +63,8 @@ impl LinearlyImplicitEuler {
     }
 
     /// Assembles f and M + hD + h²H from the force emitters and solves for the
-    /// new velocities, Eq. 14.
+    /// new velocities, Eq. 14, in a frame that moves along with the system, so that
+    /// a solution by iteration is precise relative to the motion within.
     fn velocity_step(
         &mut self,
         system: &System,
@@ -85,9 +85,10 @@ impl LinearlyImplicitEuler {
             Tangent::Absolute => (OnDemand::Always, Projection::Absolute),
             Tangent::Material => (OnDemand::Always, Projection::Drop),
         };
+        self.frame.enter(system, &state.v);
         let at = Evaluation {
             x: &state.x,
-            v: &state.v,
+            v: &self.frame.relative,
             projection,
             tensions: filtered.then_some(&*self.tensions),
             dashpot_tension: false,
@@ -103,7 +104,7 @@ impl LinearlyImplicitEuler {
             },
             |out, rhs| {
                 let known = out.forces.iter().zip(&out.anchor_load);
-                let momenta = system.masses().iter().zip(&state.v);
+                let momenta = system.masses().iter().zip(&self.frame.relative);
                 for ((rhs, (f, load)), (m, v)) in rhs.iter_mut().zip(known).zip(momenta) {
                     *rhs = v * *m + f * h + load;
                 }
@@ -111,6 +112,7 @@ impl LinearlyImplicitEuler {
             &mut self.velocities[..n_free],
             work,
         )?;
+        self.frame.leave(&mut self.velocities[..n_free]);
         // The forces that act are the linearized ones, −D v' and f − hH v'.
         self.impulses.begin(system, &state.v);
         self.impulses
@@ -118,6 +120,10 @@ impl LinearlyImplicitEuler {
         if self.impulses.anchors_move() {
             let springs = system.springs();
             let work = h * springs.anchor_power(&state.x, &state.v);
+            let taken = Evaluation {
+                v: &state.v,
+                ..taken
+            };
             let change = springs.anchor_power_change(&taken, &self.velocities);
             self.impulses.add_spring_work(work + change);
         }
@@ -150,6 +156,10 @@ impl Method for LinearlyImplicitEuler {
 
     fn setup(&self) -> Work {
         self.linear.setup()
+    }
+
+    fn expect_changing_steps(&mut self, system: &System) -> Result<(), SolveError> {
+        self.linear.expect_changing_steps(system)
     }
 
     fn restart(&mut self) {
