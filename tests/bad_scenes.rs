@@ -14,7 +14,7 @@ fn each_bad_scene_gets_its_message() {
         .map(|entry| entry.unwrap().file_name().into_string().unwrap())
         .collect();
     names.sort();
-    assert!(names.len() >= 40, "only {} bad scenes", names.len());
+    assert!(names.len() >= 80, "only {} bad scenes", names.len());
     let mut table = String::new();
     for name in names {
         let folder = tempfile::tempdir().unwrap();

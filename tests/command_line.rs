@@ -371,3 +371,25 @@ fn every_real_scene_runs() {
     }
     assert!(run >= 4);
 }
+
+/// A name may hold what a terminal takes for commands, and line breaks.
+#[test]
+fn names_from_files_are_shown_as_text() {
+    let desk = Desk::new();
+    let scene = r#"Scene(version: 1, name: "\u{1b}]0;title\u{7}\u{1b}[31mred\nerror: <no> & \u{202e}",
+        nodes: [(position: (0, 0, 0), velocity: (1, 0, 0), mass: 1)],
+        simulation: (method: VelocityVerlet, step: 0.01, duration: 0.1))"#;
+    std::fs::write(desk.path("named.ron"), scene).unwrap();
+    let checked = String::from_utf8(desk.springs("check named.ron").stdout).unwrap();
+    let said = desk.expect(0, "run named.ron --write svg");
+    let picture = desk.read("named/filmstrip.svg");
+    let hostile = |c: char| (c.is_control() && c != '\n') || c == '\u{202e}';
+    for text in [&checked, &said, &picture] {
+        assert!(text.contains("\\u{1b}[31mred\\nerror"), "{text}");
+        assert!(!text.contains(hostile), "{text:?}");
+    }
+    assert!(picture.contains("&lt;no&gt; &amp;"));
+    // So is a file name.
+    let missing = desk.expect(2, "run no\u{1b}such.ron");
+    assert!(!missing.contains(hostile), "{missing:?}");
+}

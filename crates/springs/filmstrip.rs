@@ -1,7 +1,7 @@
 //! A few moments of a run side by side, as an SVG picture.
 
 use nalgebra::{Matrix3, Vector3};
-use springs_scene::{Scene, Spring};
+use springs_scene::{Scene, Spring, printable};
 use std::fmt::Write as _;
 
 /// One moment of a run.
@@ -45,7 +45,7 @@ pub fn filmstrip(scene: &Scene, panels: &[Panel]) -> String {
          viewBox=\"0 0 {width} {height}\" font-family=\"sans-serif\">\n\
          <rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n\
          <text x=\"{MARGIN}\" y=\"28\" font-size=\"18\" fill=\"#222\">{}</text>\n",
-        escape(&scene.name)
+        escape(&printable(&scene.name))
     );
     for (index, panel) in panels.iter().enumerate() {
         let left = MARGIN + index as f64 * (WIDTH + MARGIN);
@@ -351,6 +351,7 @@ fn round(value: f64) -> String {
     }
 }
 
+/// Text as the content of an XML element.
 fn escape(text: &str) -> String {
     text.replace('&', "&amp;")
         .replace('<', "&lt;")

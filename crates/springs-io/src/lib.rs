@@ -27,6 +27,7 @@ mod locate;
 mod read;
 mod report;
 mod scene_file;
+mod syntax;
 mod table;
 mod write;
 

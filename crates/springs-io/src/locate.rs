@@ -15,8 +15,7 @@ pub(crate) struct Place {
 
 /// Place of the value at `path`, or of what encloses it if it is left out.
 pub(crate) fn locate(text: &str, path: Path) -> Place {
-    let mut walker = Walker { text, at: 0 };
-    walker.skip_to_value();
+    let mut walker = Walker::at_value(text, 0);
     let field = |name| Some(Step::Field(name));
     let steps = match path {
         Path::Scene(name) => [field(name), None, None],
@@ -42,7 +41,8 @@ pub(crate) fn locate(text: &str, path: Path) -> Place {
     place_of(text, walker.at)
 }
 
-fn place_of(text: &str, offset: usize) -> Place {
+/// Place of an offset in bytes.
+pub(crate) fn place_of(text: &str, offset: usize) -> Place {
     let before = &text[..offset];
     let line_start = before.rfind('\n').map_or(0, |newline| newline + 1);
     Place {
@@ -57,23 +57,32 @@ enum Step<'a> {
     Index(usize),
 }
 
-struct Walker<'a> {
+/// Goes through the text of a scene file.
+pub(crate) struct Walker<'a> {
     text: &'a str,
-    at: usize,
+    /// Offset in bytes.
+    pub(crate) at: usize,
 }
 
-impl Walker<'_> {
-    fn rest(&self) -> &str {
+impl<'a> Walker<'a> {
+    /// At the first value from an offset on.
+    pub(crate) fn at_value(text: &'a str, offset: usize) -> Self {
+        let mut walker = Self { text, at: offset };
+        walker.skip_to_value();
+        walker
+    }
+
+    pub(crate) fn rest(&self) -> &str {
         &self.text[self.at..]
     }
 
-    fn skip_while(&mut self, wanted: impl Fn(char) -> bool) {
+    pub(crate) fn skip_while(&mut self, wanted: impl Fn(char) -> bool) {
         let rest = self.rest();
         self.at += rest.find(|c| !wanted(c)).unwrap_or(rest.len());
     }
 
     /// Past white space, comments and `#![…]` attributes.
-    fn skip_to_value(&mut self) {
+    pub(crate) fn skip_to_value(&mut self) {
         loop {
             let start = self.at;
             self.skip_while(char::is_whitespace);
@@ -110,7 +119,7 @@ impl Walker<'_> {
         }
     }
 
-    fn skip_character(&mut self) {
+    pub(crate) fn skip_character(&mut self) {
         self.at += self.rest().chars().next().map_or(0, char::len_utf8);
     }
 
@@ -164,7 +173,7 @@ impl Walker<'_> {
                     self.skip_string();
                     continue;
                 }
-                Some('r') if rest.starts_with("r\"") || rest.starts_with("r#") => {
+                Some('r') if self.starts_raw_string() => {
                     self.skip_raw_string();
                     continue;
                 }
@@ -174,7 +183,7 @@ impl Walker<'_> {
         }
     }
 
-    fn skip_string(&mut self) {
+    pub(crate) fn skip_string(&mut self) {
         self.at += 1;
         loop {
             self.skip_while(|c| c != '"' && c != '\\');
@@ -187,7 +196,12 @@ impl Walker<'_> {
         }
     }
 
-    fn skip_raw_string(&mut self) {
+    pub(crate) fn starts_raw_string(&self) -> bool {
+        let quoted = self.rest().strip_prefix('r');
+        quoted.is_some_and(|quoted| quoted.trim_start_matches('#').starts_with('"'))
+    }
+
+    pub(crate) fn skip_raw_string(&mut self) {
         let hashes = self.rest()[1..].chars().take_while(|&c| c == '#').count();
         let end = format!("\"{}", "#".repeat(hashes));
         self.at += 2 + hashes;

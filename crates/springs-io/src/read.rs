@@ -2,6 +2,7 @@
 
 use crate::locate::{Place, locate};
 use crate::scene_file::{NodeEntry, SceneFile, SimulationEntry, SpringEntry};
+use crate::syntax;
 use nalgebra::Vector3;
 use ron::extensions::Extensions;
 use springs_scene::{Method, Node, Scene, Settings, Spring, StepControl};
@@ -66,6 +67,10 @@ pub struct Finding {
     pub message: String,
     /// What to do about it, if that is not plain.
     pub advice: Option<String>,
+    /// The line of the file, its number before it, and on a second line a caret
+    /// below the column; of long lines only the part around it. Empty
+    /// if the line is.
+    pub excerpt: String,
 }
 
 impl Finding {
@@ -77,15 +82,70 @@ impl Finding {
         message: String,
         advice: Option<&str>,
     ) -> Self {
-        let Place { line, column } = locate(without_mark(text), path);
-        Self {
-            line,
-            column,
-            path: path.to_string(),
+        let text = without_mark(text);
+        Self::in_text(
+            text,
+            locate(text, path),
+            path.to_string(),
             message,
-            advice: advice.map(str::to_owned),
+            advice.map(str::to_owned),
+        )
+    }
+
+    /// A finding at a place in a text without a byte order mark.
+    pub(crate) fn in_text(
+        text: &str,
+        place: Place,
+        path: String,
+        message: String,
+        advice: Option<String>,
+    ) -> Self {
+        Self {
+            line: place.line,
+            column: place.column,
+            path,
+            message,
+            advice,
+            excerpt: excerpt(text, place),
         }
     }
+}
+
+/// Longer lines are shown in part, with so many characters before the column.
+const LONGEST_LINE: usize = 120;
+const BEFORE: usize = 80;
+
+/// The line at a place, and a caret below the column; empty if the line is.
+///
+/// ```text
+///   12 |         (nodes: (1, 9), stiffness: 100, mass: 0.1),
+///      |                 ^
+/// ```
+fn excerpt(text: &str, place: Place) -> String {
+    let line = text.lines().nth(place.line - 1).unwrap_or("").trim_end();
+    if line.is_empty() {
+        return String::new();
+    }
+    let before = place.column - 1;
+    let is_long = line.chars().nth(LONGEST_LINE).is_some();
+    let first = if is_long {
+        before.saturating_sub(BEFORE)
+    } else {
+        0
+    };
+    let visible = line.chars().map(|c| if c.is_control() { ' ' } else { c });
+    let mut shown: String = visible.skip(first).take(LONGEST_LINE).collect();
+    let mut caret = before - first;
+    if first > 0 {
+        shown.insert(0, '…');
+        caret += 1;
+    }
+    if line.chars().nth(first + LONGEST_LINE).is_some() {
+        shown.push('…');
+    }
+    let number = place.line.to_string();
+    let margin = " ".repeat(number.len());
+    format!("  {number} | {shown}\n  {margin} | {}^", " ".repeat(caret))
 }
 
 /// `3:14: springs[3].stiffness: must be …`
@@ -174,7 +234,7 @@ pub fn parse_scene(file: &str, text: &str) -> Result<Scene, SceneError> {
     };
     let entries: SceneFile = match options.from_str(text) {
         Ok(entries) => entries,
-        Err(error) => return Err(wrong(vec![syntax_finding(&options, text, &error)])),
+        Err(error) => return Err(wrong(vec![syntax::finding(&options, text, &error)])),
     };
     if entries.simulation.step.is_some() && entries.simulation.tolerance.is_some() {
         return Err(wrong(vec![Finding::at(
@@ -202,61 +262,6 @@ fn without_mark(text: &str) -> &str {
 
 /// More than these help nobody.
 const MOST_FINDINGS: usize = 100;
-
-/// Reads once more, keeping track of the path, which the fast way does not.
-fn syntax_finding(options: &ron::Options, text: &str, error: &ron::error::SpannedError) -> Finding {
-    let path = ron::Deserializer::from_str_with_options(text, options)
-        .ok()
-        .and_then(|mut deserializer| {
-            serde_path_to_error::deserialize::<_, SceneFile>(&mut deserializer).err()
-        })
-        .map(|error| error.path().to_string())
-        .filter(|path| path != "." && path != "?")
-        .unwrap_or_default();
-    let position = error.span.start;
-    Finding {
-        line: position.line,
-        column: position.col,
-        path,
-        message: syntax_message(&error.code),
-        advice: None,
-    }
-}
-
-/// The reader's own words where they serve, plainer ones elsewhere.
-fn syntax_message(error: &ron::Error) -> String {
-    use ron::Error as E;
-    match error {
-        E::Eof => "the file ends in the middle of the scene".to_owned(),
-        E::ExpectedNamedStructLike("Scene") => "a scene file starts with `Scene(`".to_owned(),
-        E::ExpectedDifferentStructName { expected, found } => {
-            format!("`{expected}(` is expected here, not `{found}`")
-        }
-        E::ExpectedComma => "a comma or a closing bracket is missing before this".to_owned(),
-        E::ExpectedFloat => "a number is expected here".to_owned(),
-        E::ExpectedInteger => "a whole number is expected here".to_owned(),
-        E::ExpectedBoolean => "`true` or `false` is expected here".to_owned(),
-        E::ExpectedString => "a text in quotes is expected here".to_owned(),
-        E::ExpectedStringEnd => "the closing quote of this text is missing".to_owned(),
-        E::ExpectedIdentifier => "a name without quotes is expected here".to_owned(),
-        E::TrailingCharacters => "there is more after the end of the scene".to_owned(),
-        E::InvalidValueForType { expected, found } => {
-            format!("{expected} is expected here, not {found}")
-        }
-        E::ExpectedDifferentLength { expected, found } => {
-            format!("{expected} is expected here, not {found} of them")
-        }
-        E::MissingStructField { field, .. } => format!("the field `{field}` is missing"),
-        E::DuplicateStructField { field, .. } => format!("the field `{field}` stands here twice"),
-        E::NoSuchStructField {
-            found, expected, ..
-        } => format!(
-            "there is no field `{found}` here; known are {}",
-            expected.join(", ")
-        ),
-        other => other.to_string(),
-    }
-}
 
 fn scene(file: SceneFile) -> Scene {
     let nodes: Vec<Node> = file.nodes.0.into_iter().map(node).collect();

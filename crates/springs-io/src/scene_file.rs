@@ -107,6 +107,15 @@ impl<'de> Deserialize<'de> for NodeIndex {
                 f.write_str("the index of a node: 0, 1, 2, …")
             }
 
+            fn visit_f64<E: de::Error>(self, value: f64) -> Result<NodeIndex, E> {
+                if value >= 0.0 && value.fract() == 0.0 && value < 2f64.powi(53) {
+                    return Err(E::custom(format_args!(
+                        "the index of a node has no decimal point: write {value}"
+                    )));
+                }
+                Err(E::invalid_value(de::Unexpected::Float(value), &self))
+            }
+
             fn visit_u64<E: de::Error>(self, value: u64) -> Result<NodeIndex, E> {
                 let index = usize::try_from(value).map_err(E::custom)?;
                 Ok(NodeIndex(index))
@@ -144,7 +153,8 @@ where
             }
 
             fn visit_str<E: de::Error>(self, name: &str) -> Result<Named<T>, E> {
-                name.parse().map(Named).map_err(E::custom)
+                let named = name.parse().map(Named);
+                named.map_err(|error: springs_scene::UnknownName| E::custom(error.in_scene_file()))
             }
         }
 

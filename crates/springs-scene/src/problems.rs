@@ -1,6 +1,6 @@
 //! What can be wrong with a scene, all of it at once.
 
-use crate::{Scene, StepControl};
+use crate::{Node, Scene, StepControl};
 use std::fmt;
 
 /// A place in a scene: `nodes[2].mass`, `gravity`, `simulation.step`.
@@ -81,6 +81,40 @@ pub enum Problem {
         /// The node.
         node: usize,
     },
+    /// A node is so far from the others that distances overflow.
+    #[error("node {node} is too far from the others: the size of the scene is not a finite number")]
+    TooFar {
+        /// The node.
+        node: usize,
+    },
+    /// A free node is so light that 1/m overflows.
+    #[error("the mass of node {node} is too small: 1/m is not a finite number for {mass:e} kg")]
+    TooLight {
+        /// The node.
+        node: usize,
+        /// Its mass with that of its springs, in kg.
+        mass: f64,
+    },
+    /// The kinetic energy at the start overflows.
+    #[error("the velocity of node {node} is too large: its kinetic energy is not a finite number")]
+    TooFast {
+        /// The node.
+        node: usize,
+    },
+    /// The elastic energy at the start overflows.
+    #[error("spring {spring} is too stiff for its length: its energy is not a finite number")]
+    TooStrained {
+        /// The spring.
+        spring: usize,
+    },
+    /// The step is so short that its square is zero in double precision.
+    #[error(
+        "the simulation's step must not be shorter than {SHORTEST_STEP:e} s, but is {step:e} s"
+    )]
+    TooShort {
+        /// The step, in s.
+        step: f64,
+    },
     /// The scene has more nodes or springs than can be numbered.
     #[error("the scene has {count} {what}, more than the {} possible", u32::MAX)]
     TooMany {
@@ -90,6 +124,9 @@ pub enum Problem {
         count: usize,
     },
 }
+
+/// Steps are not shorter than this, in s.
+const SHORTEST_STEP: f64 = 1e-150;
 
 impl Problem {
     /// Where it is.
@@ -102,6 +139,11 @@ impl Problem {
                 Path::Spring(spring, Some("nodes"))
             }
             Self::Unheld { node } => Path::Node(node, None),
+            Self::TooFar { node } => Path::Node(node, Some("position")),
+            Self::TooLight { node, .. } => Path::Node(node, Some("mass")),
+            Self::TooFast { node } => Path::Node(node, Some("velocity")),
+            Self::TooStrained { spring } => Path::Spring(spring, Some("stiffness")),
+            Self::TooShort { .. } => Path::Simulation("step"),
             Self::TooMany { what, .. } => Path::Scene(what),
         }
     }
@@ -160,6 +202,13 @@ impl Scene {
             problems.all_finite(path("velocity"), node.velocity.as_slice());
             problems.not_negative(path("mass"), node.mass);
         }
+        if problems.0.is_empty() && !self.size().is_finite() {
+            // What else is wrong may only come of it.
+            problems
+                .0
+                .extend(self.furthest().map(|node| Problem::TooFar { node }));
+            return problems.0;
+        }
         let mut held = vec![false; self.nodes.len()];
         for (index, spring) in self.springs.iter().enumerate() {
             let path = |field| Path::Spring(index, Some(field));
@@ -181,7 +230,12 @@ impl Scene {
         }
         match self.settings.step {
             StepControl::Auto => {}
-            StepControl::Fixed(step) => problems.positive(Path::Simulation("step"), step),
+            StepControl::Fixed(step) => {
+                problems.positive(Path::Simulation("step"), step);
+                if step > 0.0 && step < SHORTEST_STEP {
+                    problems.0.push(Problem::TooShort { step });
+                }
+            }
             StepControl::Tolerance(tolerance) => {
                 problems.positive(Path::Simulation("tolerance"), tolerance);
             }
@@ -190,7 +244,42 @@ impl Scene {
             problems.positive(Path::Simulation("sleep"), sleep);
         }
         problems.not_negative(Path::Simulation("duration"), self.settings.duration);
+        if problems.0.is_empty() {
+            problems.0.extend(self.overflow());
+        }
         problems.0
+    }
+
+    /// The node with the largest coordinate.
+    fn furthest(&self) -> Option<usize> {
+        let size = |&node: &usize| self.nodes[node].position.amax();
+        (0..self.nodes.len()).max_by(|a, b| size(a).total_cmp(&size(b)))
+    }
+
+    /// The first quantity that overflows in a scene whose numbers are finite.
+    fn overflow(&self) -> Option<Problem> {
+        let mut energy = 0.0;
+        for (node, mass) in self.node_masses().into_iter().enumerate() {
+            let Node {
+                fixed, velocity, ..
+            } = self.nodes[node];
+            if !fixed && mass > 0.0 && !mass.recip().is_finite() {
+                return Some(Problem::TooLight { node, mass });
+            }
+            energy += 0.5 * mass * velocity.norm_squared();
+            if !energy.is_finite() {
+                return Some(Problem::TooFast { node });
+            }
+        }
+        for (index, spring) in self.springs.iter().enumerate() {
+            let [a, b] = spring.nodes;
+            let change = self.nodes[a].distance(&self.nodes[b]) - spring.rest_length;
+            energy += 0.5 * spring.stiffness * change * change;
+            if !energy.is_finite() {
+                return Some(Problem::TooStrained { spring: index });
+            }
+        }
+        None
     }
 }
 
@@ -253,7 +342,7 @@ impl Problems {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Node, Spring, Vector3};
+    use crate::{Spring, Vector3};
 
     fn lines(scene: &Scene) -> Vec<String> {
         let line = |problem: &Problem| format!("{}: {problem}", problem.path());
@@ -309,5 +398,53 @@ mod tests {
             "simulation.duration: the simulation's duration must not be negative, but is -1",
         ];
         assert_eq!(lines(&scene), expected);
+    }
+
+    #[test]
+    fn numbers_that_overflow_are_named() {
+        let sound = || {
+            let mut scene = Scene::default();
+            scene.add_node(Node::fixed(Vector3::zeros()));
+            scene.add_node(Node {
+                mass: 1.0,
+                ..Node::at(Vector3::x())
+            });
+            scene.add_spring(0, 1, 1.0);
+            scene
+        };
+        let of = |change: fn(&mut Scene)| {
+            let mut scene = sound();
+            change(&mut scene);
+            lines(&scene).join("; ")
+        };
+        assert_eq!(of(|_| {}), "");
+        let far = of(|scene| scene.nodes[1].position.x = 1e308);
+        assert!(
+            far.starts_with("nodes[1].position: node 1 is too far"),
+            "{far}"
+        );
+        let light = of(|scene| scene.nodes[1].mass = 1e-310);
+        assert!(
+            light.starts_with("nodes[1].mass: the mass of node 1 is too small"),
+            "{light}"
+        );
+        let fast = of(|scene| scene.nodes[1].velocity.z = 1e160);
+        assert!(
+            fast.starts_with("nodes[1].velocity: the velocity of node 1"),
+            "{fast}"
+        );
+        let strained = of(|scene| {
+            scene.springs[0].stiffness = 1e300;
+            scene.springs[0].rest_length = 1e10;
+        });
+        assert!(
+            strained.starts_with("springs[0].stiffness: spring 0 is too stiff"),
+            "{strained}"
+        );
+        let short = of(|scene| scene.settings.step = StepControl::Fixed(1e-170));
+        assert!(
+            short.starts_with("simulation.step: the simulation's step"),
+            "{short}"
+        );
     }
 }

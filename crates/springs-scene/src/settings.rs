@@ -109,13 +109,9 @@ macro_rules! named {
                     .iter()
                     .copied()
                     .find(|one| one.name() == name || one.kebab_name() == name)
-                    .ok_or_else(|| UnknownName {
-                        what: $what,
-                        name: name.to_owned(),
-                        known: match name.starts_with(char::is_uppercase) {
-                            true => Self::ALL.iter().map(|one| one.name()).collect(),
-                            false => Self::ALL.iter().map(|one| one.kebab_name()).collect(),
-                        },
+                    .ok_or_else(|| {
+                        let known = Self::ALL.iter().map(|one| [one.name(), one.kebab_name()]);
+                        UnknownName::new($what, name, known.collect())
                     })
             }
         }
@@ -178,14 +174,82 @@ named! {
 }
 
 /// A name that is not in the list of known ones, which are given in the same
-/// style.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("unknown {what} `{name}`; known are {}", known.join(", "))]
+/// style: in CamelCase if it starts with a capital, in kebab-case otherwise.
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UnknownName {
     what: &'static str,
     name: String,
-    known: Vec<&'static str>,
+    /// Names in scene files and on the command line.
+    known: Vec<[&'static str; 2]>,
+    is_in_scene_file: bool,
 }
+
+/// Characters of an unknown name that are shown.
+const SHOWN: usize = 40;
+
+impl UnknownName {
+    fn new(what: &'static str, name: &str, known: Vec<[&'static str; 2]>) -> Self {
+        let mut shown: String = name.chars().take(SHOWN).collect();
+        if shown.len() < name.len() {
+            shown.push('…');
+        }
+        Self {
+            what,
+            is_in_scene_file: shown.starts_with(char::is_uppercase),
+            name: shown,
+            known,
+        }
+    }
+
+    /// The same with the known names as they are written in scene files.
+    pub fn in_scene_file(self) -> Self {
+        Self {
+            is_in_scene_file: true,
+            ..self
+        }
+    }
+
+    fn known(&self) -> impl Iterator<Item = &'static str> {
+        let known = self.known.iter();
+        known.map(|[name, kebab_name]| {
+            if self.is_in_scene_file {
+                *name
+            } else {
+                *kebab_name
+            }
+        })
+    }
+
+    /// The known name that this one is part of but for case and hyphens, if
+    /// there is only one.
+    fn similar(&self) -> Option<&'static str> {
+        const FEWEST: usize = 4;
+        let plain = |name: &str| -> String {
+            let letters = name.chars().filter(|c| c.is_alphanumeric());
+            letters.flat_map(char::to_lowercase).collect()
+        };
+        let wanted = plain(&self.name);
+        let mut similar = self.known().filter(|known| {
+            let known = plain(known);
+            known == wanted || (wanted.len() >= FEWEST && known.contains(&wanted))
+        });
+        let first = similar.next();
+        first.filter(|_| similar.next().is_none())
+    }
+}
+
+impl fmt::Display for UnknownName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "unknown {} `{}`; ", self.what, self.name)?;
+        if let Some(similar) = self.similar() {
+            write!(f, "did you mean {similar}? ")?;
+        }
+        let known: Vec<_> = self.known().collect();
+        write!(f, "known are {}", known.join(", "))
+    }
+}
+
+impl std::error::Error for UnknownName {}
 
 #[cfg(test)]
 mod tests {
@@ -208,5 +272,17 @@ mod tests {
             "Verlet".parse::<Tangent>().unwrap_err().to_string(),
             "unknown tangent `Verlet`; known are Exact, Clamped, Absolute, Material, Filtered"
         );
+    }
+
+    #[test]
+    fn a_similar_name_is_suggested_if_there_is_one() {
+        let said = |name: &str| name.parse::<Method>().unwrap_err().to_string();
+        assert!(said("tr_bdf2").contains("did you mean tr-bdf2?"));
+        assert!(said("TRBDF2").contains("did you mean TrBdf2?"));
+        assert!(said("verlet").contains("did you mean velocity-verlet?"));
+        // Two have it in their names.
+        assert!(!said("blanes-moan").contains("did you mean"));
+        assert!(!said("Ode45").contains("did you mean"));
+        assert!(said(&"x".repeat(1_000_000)).len() < 400);
     }
 }

@@ -5,6 +5,7 @@ use super::{Ending, print};
 use anyhow::Context as _;
 use springs::assembly::System;
 use springs::inspect::{Saving, count, skipped, suspicious};
+use springs::scene::printable;
 use springs::step::{Islands, Pace, solver_memory};
 use std::fmt::Write as _;
 
@@ -28,9 +29,9 @@ pub(crate) fn check(arguments: &CheckArguments) -> anyhow::Result<Ending> {
     };
 
     let name = if scene.name.is_empty() {
-        "scene"
+        "scene".to_owned()
     } else {
-        &scene.name
+        printable(&scene.name)
     };
     let moving = scene
         .nodes

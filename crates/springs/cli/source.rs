@@ -226,9 +226,19 @@ impl Source {
         }
         let finding = Finding::at(&self.text, path, error.to_string(), advice);
         Advised {
-            message: format!("{}:{finding}", self.file),
+            message: shown(&self.file, &finding),
             advice: finding.advice,
         }
+    }
+}
+
+/// The finding and the line that it is about.
+fn shown(file: &str, finding: &Finding) -> String {
+    let excerpt = &finding.excerpt;
+    if excerpt.is_empty() {
+        format!("{file}:{finding}")
+    } else {
+        format!("{file}:{finding}\n{excerpt}")
     }
 }
 
@@ -242,10 +252,9 @@ fn advised(error: SceneError) -> Advised {
             advice: None,
         };
     };
-    let mut message = error.to_string();
-    for finding in findings.iter().take(MOST_FINDINGS).skip(1) {
-        message += &format!("\nerror: {file}:{finding}");
-    }
+    let first = findings.iter().take(MOST_FINDINGS);
+    let first: Vec<String> = first.map(|finding| shown(file, finding)).collect();
+    let mut message = first.join("\nerror: ");
     if findings.len() > MOST_FINDINGS {
         message += "\nerror: … and more of the like";
     }

@@ -2,7 +2,7 @@
 
 use springs::inspect::count;
 use springs::io::Report;
-use springs::scene::Scene;
+use springs::scene::{Scene, printable};
 use std::path::Path;
 
 /// Changes of method that are told.
@@ -13,7 +13,7 @@ pub(crate) fn summary(scene: &Scene, report: &Report, folder: &Path, written: &[
     let mut lines = Vec::new();
     let name = match scene.name.as_str() {
         "" => String::new(),
-        name => format!("{name}: "),
+        name => format!("{}: ", printable(name)),
     };
     lines.push(format!(
         "{name}{}, {}, {}",
