@@ -10,7 +10,7 @@ use std::path::Path;
 use std::process::Stdio;
 
 /// What scripts rely on in report.json.
-const PROMISED_FIELDS: [&str; 26] = [
+const PROMISED_FIELDS: [&str; 29] = [
     "/method",
     "/tangent",
     "/threads",
@@ -33,6 +33,9 @@ const PROMISED_FIELDS: [&str; 26] = [
     "/seconds/factorization",
     "/seconds/solve",
     "/seconds/output",
+    "/seconds/trials",
+    "/trials/factorizations",
+    "/energy/turned_over",
     "/energy/start",
     "/energy/end",
     "/peak_memory_bytes",
@@ -335,7 +338,7 @@ fn check_runs_nothing_and_says_what_is_there() {
     let desk = Desk::new();
     desk.scene(
         "block.ron",
-        "block 3 --stiffness 1e9 --method velocity-verlet",
+        "block 3 --stiffness 1e9 --method velocity-verlet --step 0.01",
     );
     let output = desk.springs("check block.ron");
     assert!(output.status.success());
@@ -392,4 +395,70 @@ fn names_from_files_are_shown_as_text() {
     // So is a file name.
     let missing = desk.expect(2, "run no\u{1b}such.ron");
     assert!(!missing.contains(hostile), "{missing:?}");
+}
+
+/// The trial runs of these take hours, and a check makes none.
+#[test]
+fn check_makes_no_step() {
+    let desk = Desk::new();
+    desk.scene("cloth.ron", "cloth 8 --duration 1e4");
+    for (how, settles) in [
+        (
+            "--method implicit-midpoint --tolerance 1e-12",
+            "the number of equal steps",
+        ),
+        (
+            "--method filtered-leapfrog --tolerance 1e-12",
+            "the number of equal steps",
+        ),
+        (
+            "--method auto --tolerance 1e-12",
+            "the method and its steps",
+        ),
+    ] {
+        let begin = std::time::Instant::now();
+        let said = String::from_utf8(desk.springs(&format!("check cloth.ron {how}")).stdout);
+        let said = said.unwrap();
+        let settled = format!("trial runs first; they settle {settles}");
+        assert!(said.contains(&settled), "{said}");
+        assert!(begin.elapsed().as_secs() < 60, "{how}");
+    }
+}
+
+#[test]
+fn check_finds_nothing_wrong_with_sound_scenes() {
+    let desk = Desk::new();
+    let mut paths = vec![];
+    for (name, arguments) in [
+        ("chain.ron", "chain 50 --tolerance 1e-3"),
+        ("cloth.ron", "cloth 24 --tolerance 1e-3"),
+        ("block.ron", "block 6 --tolerance 1e-3"),
+    ] {
+        desk.scene(name, arguments);
+        paths.push(desk.path(name));
+    }
+    let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/scenes");
+    paths.extend(
+        std::fs::read_dir(examples)
+            .unwrap()
+            .map(|entry| entry.unwrap().path()),
+    );
+    assert!(paths.len() >= 7);
+    for path in paths {
+        let output = desk.springs(&format!("check {} --tolerance 1e-2", path.display()));
+        let said = String::from_utf8(output.stdout).unwrap();
+        for alarm in ["unit wrong", "is stiffness", "is damping", "is it"] {
+            assert!(!said.contains(alarm), "{}:\n{said}", path.display());
+        }
+    }
+}
+
+/// Nothing that moves is 0 kg.
+#[test]
+fn check_tells_no_negative_zero() {
+    let desk = Desk::new();
+    let scene = "Scene(version: 1, nodes: [(position: (0, 0, 0), fixed: true)])";
+    std::fs::write(desk.path("one.ron"), scene).unwrap();
+    let said = String::from_utf8(desk.springs("check one.ron").stdout).unwrap();
+    assert!(said.contains("  0 kg free to move"), "{said}");
 }

@@ -36,7 +36,7 @@ pub fn filmstrip(scene: &Scene, panels: &[Panel]) -> String {
         assert_eq!(panel.positions.len(), scene.nodes.len(), "the same nodes");
     }
     let view = View::of(scene, panels);
-    let range = strain_range(scene, panels);
+    let strains = Strains::of(scene, panels);
     let n = panels.len().max(1) as f64;
     let width = n * WIDTH + (n + 1.0) * MARGIN;
     let height = TITLE + HEIGHT + FOOTER;
@@ -49,9 +49,20 @@ pub fn filmstrip(scene: &Scene, panels: &[Panel]) -> String {
     );
     for (index, panel) in panels.iter().enumerate() {
         let left = MARGIN + index as f64 * (WIDTH + MARGIN);
-        draw_panel(&mut svg, scene, panel, &view, range, left);
+        draw_panel(&mut svg, scene, panel, &view, strains.range, left);
     }
-    draw_legend(&mut svg, &view, range, width);
+    draw_axes(&mut svg, &view);
+    draw_legend(&mut svg, &view, &strains, width);
+    if scene.gravity != Vector3::zeros() {
+        let top = TITLE + HEIGHT + 66.0;
+        writeln!(
+            svg,
+            "<text x=\"{}\" y=\"{top}\" font-size=\"12\" fill=\"#555\" \
+             text-anchor=\"end\">gravity ↓</text>",
+            width - MARGIN
+        )
+        .expect("writing to a string");
+    }
     svg.push_str("</svg>\n");
     svg
 }
@@ -167,21 +178,57 @@ fn strain(spring: &Spring, positions: &[Vector3<f64>]) -> Option<f64> {
     (spring.rest_length > 0.0).then(|| (b - a).norm() / spring.rest_length - 1.0)
 }
 
-/// The strain, either way, that all but one spring in a hundred stay below: a
-/// few extreme springs must not take the colour from the others.
-fn strain_range(scene: &Scene, panels: &[Panel]) -> f64 {
-    let strains = panels.iter().flat_map(|panel| {
-        let springs = scene.springs.iter();
-        springs.filter_map(|spring| strain(spring, &panel.positions))
-    });
-    let mut strains: Vec<f64> = strains
-        .map(f64::abs)
-        .filter(|strain| strain.is_finite())
-        .collect();
-    let rank = strains.len().saturating_sub(1) * 99 / 100;
-    match strains.is_empty() {
-        true => 0.0,
-        false => *strains.select_nth_unstable_by(rank, f64::total_cmp).1,
+/// The strains that are told apart.
+#[derive(Clone, Copy)]
+struct Strains {
+    /// The strain, either way, that all but one spring in a hundred stay below:
+    /// a few extreme springs must not take the colour from the others.
+    range: f64,
+    /// The smallest and the largest.
+    ends: [f64; 2],
+}
+
+impl Strains {
+    fn of(scene: &Scene, panels: &[Panel]) -> Self {
+        let strains = panels.iter().flat_map(|panel| {
+            let springs = scene.springs.iter();
+            springs.filter_map(|spring| strain(spring, &panel.positions))
+        });
+        let strains: Vec<f64> = strains.filter(|strain| strain.is_finite()).collect();
+        let ends = strains.iter().fold([0.0f64; 2], |[low, high], &strain| {
+            [low.min(strain), high.max(strain)]
+        });
+        let mut sizes: Vec<f64> = strains.into_iter().map(f64::abs).collect();
+        let rank = sizes.len().saturating_sub(1) * 99 / 100;
+        let range = if sizes.is_empty() {
+            0.0
+        } else {
+            *sizes.select_nth_unstable_by(rank, f64::total_cmp).1
+        };
+        Self { range, ends }
+    }
+
+    /// Colours that occur.
+    fn colours(&self) -> std::ops::RangeInclusive<usize> {
+        let [low, high] = self.ends.map(|end| colour_of(Some(end), self.range));
+        low..=high
+    }
+
+    /// What the ends of the legend say.
+    fn labels(&self) -> [String; 2] {
+        let [low, high] = self.ends;
+        let percent = |strain: f64| format!("{} %", round(100.0 * strain.abs()));
+        let low = match -low {
+            0.0 => "0 %".to_owned(),
+            size if size > self.range => format!("≤ −{}", percent(self.range)),
+            size => format!("−{}", percent(size)),
+        };
+        let high = match high {
+            0.0 => "0 %".to_owned(),
+            size if size > self.range => format!("≥ +{}", percent(self.range)),
+            size => format!("+{}", percent(size)),
+        };
+        [low, high]
     }
 }
 
@@ -286,15 +333,46 @@ fn draw_panel(svg: &mut String, scene: &Scene, panel: &Panel, view: &View, range
     svg.push_str("</g>\n");
 }
 
-fn draw_legend(svg: &mut String, view: &View, range: f64, width: f64) {
+/// Length of an axis that lies in the picture, in pixels.
+const AXIS: f64 = 22.0;
+
+/// The directions of x, y and z, in a corner of the first panel.
+fn draw_axes(svg: &mut String, view: &View) {
+    let (x, y) = (MARGIN + AXIS + 14.0, TITLE + HEIGHT - AXIS - 14.0);
+    let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
+    for (axis, name) in axes.into_iter().zip(["x", "y", "z"]) {
+        let (right, up) = (view.right.dot(&axis), view.up.dot(&axis));
+        let length = right.hypot(up);
+        // One that points at the viewer cannot be seen.
+        if length < 0.2 {
+            continue;
+        }
+        let tip = [x + AXIS * right, y - AXIS * up];
+        let beyond = [tip[0] + 8.0 * right / length, tip[1] - 8.0 * up / length];
+        writeln!(
+            svg,
+            "<path stroke=\"#555\" d=\"M{x:.1} {y:.1}L{:.1} {:.1}\"/>\n\
+             <text x=\"{:.1}\" y=\"{:.1}\" font-size=\"11\" fill=\"#555\" \
+             text-anchor=\"middle\" dominant-baseline=\"central\">{name}</text>",
+            tip[0], tip[1], beyond[0], beyond[1]
+        )
+        .expect("writing to a string");
+    }
+}
+
+fn draw_legend(svg: &mut String, view: &View, strains: &Strains, width: f64) {
     let top = TITLE + HEIGHT + 22.0;
     let (bar, cell) = (width.min(300.0) - 2.0 * MARGIN, 12.0);
-    for index in 0..COLOURS {
+    // Only what occurs: a spring cannot lose more than its length, and a net
+    // under tension has none in compression.
+    let colours = strains.colours();
+    let part = bar / colours.clone().count() as f64;
+    for (place, index) in colours.enumerate() {
         writeln!(
             svg,
             "<rect x=\"{:.1}\" y=\"{top}\" width=\"{:.1}\" height=\"{cell}\" fill=\"{}\"/>",
-            MARGIN + bar * index as f64 / COLOURS as f64,
-            bar / COLOURS as f64 + 0.5,
+            MARGIN + part * place as f64,
+            part + 0.5,
             colour(index)
         )
         .expect("writing to a string");
@@ -308,10 +386,10 @@ fn draw_legend(svg: &mut String, view: &View, range: f64, width: f64) {
         )
         .expect("writing to a string");
     };
-    let percent = round(100.0 * range);
-    label(MARGIN, "start", &format!("≤ −{percent} %"));
+    let [low, high] = strains.labels();
+    label(MARGIN, "start", &low);
     label(MARGIN + 0.5 * bar, "middle", "strain");
-    label(MARGIN + bar, "end", &format!("≥ +{percent} %"));
+    label(MARGIN + bar, "end", &high);
     let scale_bar = nice_below(80.0 / view.scale[0]);
     let pixels = scale_bar * view.scale[0];
     let end = width - MARGIN;
@@ -409,5 +487,36 @@ mod tests {
             positions: Vec::new(),
         };
         assert!(filmstrip(&Scene::default(), &[panel]).ends_with("</svg>\n"));
+    }
+
+    #[test]
+    fn the_legend_shows_the_strains_that_occur() {
+        let mut scene = Scene::default();
+        let stretched = |strains: &[f64]| {
+            let mut scene = Scene::default();
+            for (k, strain) in strains.iter().enumerate() {
+                let a = scene.add_node(Node::at(Vector3::zeros()));
+                let b = scene.add_node(Node::at(Vector3::x() * (1.0 + strain)));
+                let spring = scene.add_spring(a, b, 1.0);
+                scene.springs[spring].rest_length = 1.0;
+                assert_eq!(spring, k);
+            }
+            let panel = Panel {
+                time: 0.0,
+                positions: scene.nodes.iter().map(|node| node.position).collect(),
+            };
+            Strains::of(&scene, &[panel])
+        };
+        // A net under tension has no blue.
+        let net = stretched(&[0.1, 0.25]);
+        assert_eq!(*net.colours().start(), COLOURS / 2);
+        assert_eq!(net.labels(), ["0 %", "≥ +10 %"]);
+        // Nothing is shortened by more than all of its length.
+        let cord = stretched(&[2.0, 2.0, 2.0, -0.5]);
+        assert_eq!(cord.labels(), ["−50 %", "+200 %"]);
+        assert!(*cord.colours().start() > 0);
+        scene.gravity.z = -1.0;
+        let picture = filmstrip(&scene, &[]);
+        assert!(picture.contains("gravity ↓") && picture.contains(">z</text>"));
     }
 }

@@ -4,10 +4,10 @@ use crate::inspect::skipped;
 use springs_assembly::Energy;
 use springs_io::{
     EnergyReport, EnergySum, FailureReport, IslandReport, Report, SavingReport, SecondsReport,
-    SwitchReport,
+    SwitchReport, TrialsReport,
 };
 use springs_scene::Scene;
-use springs_step::{Islands, Pace, Part, StepError};
+use springs_step::{Account, Counts, Islands, Pace, Part, StepError, Work};
 use std::time::Duration;
 
 /// How a run ended.
@@ -21,12 +21,36 @@ pub enum Ending {
     Failed(StepError),
 }
 
-/// What the caller of a simulation has timed himself.
+/// The energy that moved during a run: the most that was kinetic, had gone into
+/// or out of springs or gravity since the start, or had become heat or come from
+/// anchors, in J.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TurnedOver(pub f64);
+
+impl TurnedOver {
+    /// Takes note of a moment of the run.
+    pub fn look(&mut self, account: &Account) {
+        let (start, now) = (account.ledger.start, account.energy);
+        let flows = [
+            now.kinetic,
+            start.kinetic,
+            now.elastic - start.elastic,
+            now.gravity - start.gravity,
+            account.ledger.dashpot_heat,
+            account.ledger.anchor_work,
+        ];
+        self.0 = flows
+            .into_iter()
+            .fold(self.0, |most, flow| most.max(flow.abs()));
+    }
+}
+
+/// What the caller of a simulation has timed.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Timings {
     /// Everything, from reading the scene on.
     pub total: Duration,
-    /// Reading, compiling, symbolic factorization.
+    /// Reading, compiling, symbolic factorization, trial runs.
     pub setup: Duration,
     /// Steps and frames, without writing.
     pub stepping: Duration,
@@ -34,12 +58,27 @@ pub struct Timings {
     pub output: Duration,
 }
 
-/// The report of a simulation of `scene`.
-pub fn report(scene: &Scene, islands: &Islands, ending: Ending, timings: Timings) -> Report {
+/// The report of a simulation of `scene`; `trials` is what had been done before
+/// its first step.
+pub fn report(
+    scene: &Scene,
+    islands: &Islands,
+    ending: Ending,
+    timings: Timings,
+    trials: &Work,
+    turned_over: TurnedOver,
+) -> Report {
     let largest = islands.largest().simulation();
     let choice = largest.choice();
     let work = islands.work();
-    let counts = work.counts;
+    let counts = Counts {
+        symbolic_factorizations: work.counts.symbolic_factorizations,
+        steps: work.counts.steps,
+        ..work.counts - trials.counts
+    };
+    let trial_time = trials.phases.assembly + trials.phases.factorization + trials.phases.solve;
+    let since = |now: Duration, before: Duration| now.saturating_sub(before).as_secs_f64();
+    let (phases, before) = (work.phases, trials.phases);
     Report {
         springs_version: env!("CARGO_PKG_VERSION").to_owned(),
         scene: scene.name.clone(),
@@ -85,17 +124,24 @@ pub fn report(scene: &Scene, islands: &Islands, ending: Ending, timings: Timings
         refinements: counts.refinements,
         newton_iterations: counts.newton_iterations,
         clamped_springs: counts.clamped_springs,
+        trials: TrialsReport {
+            force_evaluations: trials.counts.force_evaluations,
+            linearizations: trials.counts.linearizations,
+            factorizations: trials.counts.factorizations,
+            solves: trials.counts.solves,
+        },
         simulated_seconds: islands.time(),
         seconds: SecondsReport {
             total: timings.total.as_secs_f64(),
-            setup: timings.setup.as_secs_f64(),
+            setup: since(timings.setup, trial_time),
+            trials: trial_time.min(timings.setup).as_secs_f64(),
             stepping: timings.stepping.as_secs_f64(),
-            assembly: work.phases.assembly.as_secs_f64(),
-            factorization: work.phases.factorization.as_secs_f64(),
-            solve: work.phases.solve.as_secs_f64(),
+            assembly: since(phases.assembly, before.assembly),
+            factorization: since(phases.factorization, before.factorization),
+            solve: since(phases.solve, before.solve),
             output: timings.output.as_secs_f64(),
         },
-        energy: energy(islands),
+        energy: energy(islands, turned_over),
         peak_memory_bytes: peak_memory_bytes(),
         failure: match ending {
             Ending::Failed(error) => Some(failure(error)),
@@ -136,14 +182,20 @@ fn switches(islands: &Islands) -> Vec<SwitchReport> {
     reports.collect()
 }
 
-fn energy(islands: &Islands) -> EnergyReport {
+fn energy(islands: &Islands, mut turned_over: TurnedOver) -> EnergyReport {
     let (ledger, end) = (islands.ledger(), islands.energy());
+    turned_over.look(&Account {
+        time: islands.time(),
+        energy: end,
+        ledger,
+    });
     EnergyReport {
         start: sum(&ledger.start),
         end: sum(&end),
         anchor_work: ledger.anchor_work,
         dashpot_heat: ledger.dashpot_heat,
         method_gain: ledger.method_gain(&end),
+        turned_over: turned_over.0,
     }
 }
 

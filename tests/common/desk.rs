@@ -61,9 +61,15 @@ impl Desk {
         error
     }
 
-    /// Writes what `springs new` prints.
+    /// Writes what `springs new` prints: a scene for the note's step, unless
+    /// the arguments ask for something else.
     pub fn scene(&self, name: &str, arguments: &str) {
-        let output = self.springs(&format!("new {arguments}"));
+        let method = if arguments.contains("--method") || arguments.contains("--tolerance") {
+            ""
+        } else {
+            "--method linearly-implicit-euler"
+        };
+        let output = self.springs(&format!("new {arguments} {method}"));
         assert!(output.status.success());
         std::fs::write(self.path(name), output.stdout).unwrap();
     }

@@ -36,7 +36,7 @@ pub use checkpoint::{Checkpoint, CheckpointError, read_checkpoint, write_checkpo
 pub use read::{Finding, SceneError, parse_scene, read_scene, read_text};
 pub use report::{
     EnergyReport, EnergySum, FailureReport, IslandReport, Report, SavingReport, SecondsReport,
-    SwitchReport, write_report,
+    SwitchReport, TrialsReport, write_report,
 };
 pub use table::{Beginning, ContinueError, TRAJECTORY_HEADER, TableWriter, TrajectoryFrame};
 pub use write::{scene_to_string, write_scene};

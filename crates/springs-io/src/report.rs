@@ -70,6 +70,9 @@ pub struct Report {
     pub newton_iterations: u64,
     /// Springs clamped on demand, summed over steps.
     pub clamped_springs: u64,
+    /// What trial runs did that settled the method and the steps; not in the
+    /// counts above, except for symbolic factorizations.
+    pub trials: TrialsReport,
     /// Simulated time, in s.
     pub simulated_seconds: f64,
     /// Where the run time went.
@@ -97,6 +100,19 @@ pub struct IslandReport {
     pub steps: u64,
     /// Since when it has been at rest, in s, if it is.
     pub asleep_since: Option<f64>,
+}
+
+/// What trial runs did.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct TrialsReport {
+    /// Evaluations of all forces.
+    pub force_evaluations: u64,
+    /// Evaluations of forces and matrix at once.
+    pub linearizations: u64,
+    /// Numeric factorizations.
+    pub factorizations: u64,
+    /// Solutions of a linear system.
+    pub solves: u64,
 }
 
 /// Something that was left out.
@@ -128,9 +144,12 @@ pub struct SecondsReport {
     pub total: f64,
     /// Reading, compiling, symbolic factorization.
     pub setup: f64,
+    /// Forces, matrices and solutions of trial runs.
+    pub trials: f64,
     /// All steps.
     pub stepping: f64,
-    /// Of these, forces and matrices.
+    /// Of these, forces and matrices; this and the next two are summed over
+    /// parts that run at once.
     pub assembly: f64,
     /// Of these, numeric factorization.
     pub factorization: f64,
@@ -155,6 +174,9 @@ pub struct EnergyReport {
     /// are integrated from step ends, to order 2 at most; what that misses is
     /// in here, too.
     pub method_gain: f64,
+    /// What moved: the most that was kinetic, had gone into or out of springs or
+    /// gravity, or was heat or work, as far as it was looked at on the way.
+    pub turned_over: f64,
 }
 
 /// Mechanical energy, in J.

@@ -3,7 +3,7 @@
 use crate::atomic::{Draft, WriteError};
 use crate::scene_file::VERSION;
 use nalgebra::Vector3;
-use springs_scene::{Scene, Solution, StepControl};
+use springs_scene::{Method, Scene, Solution, StepControl};
 use std::fmt::Write as _;
 use std::io::{self, Write};
 use std::path::Path;
@@ -52,18 +52,21 @@ fn write_text(scene: &Scene, text: &mut dyn Write) -> io::Result<()> {
     });
     write_list(text, "springs", springs)?;
     let settings = &scene.settings;
-    let mut fields = format!("method: {}", settings.method.name());
+    let mut fields = String::new();
+    if settings.method != Method::Auto {
+        fields += &format!("method: {}, ", settings.method.name());
+    }
     if let Some(tangent) = settings.tangent {
-        fields += &format!(", tangent: {}", tangent.name());
+        fields += &format!("tangent: {}, ", tangent.name());
     }
     match settings.step {
         StepControl::Auto => {}
-        StepControl::Fixed(step) => fields += &format!(", step: {}", number(step)),
+        StepControl::Fixed(step) => fields += &format!("step: {}, ", number(step)),
         StepControl::Tolerance(tolerance) => {
-            fields += &format!(", tolerance: {}", number(tolerance));
+            fields += &format!("tolerance: {}, ", number(tolerance));
         }
     }
-    fields += &format!(", duration: {}", number(settings.duration));
+    fields += &format!("duration: {}", number(settings.duration));
     if settings.solution != Solution::Sufficient {
         fields += &format!(", solution: {}", settings.solution.name());
     }

@@ -1,11 +1,13 @@
 //! `springs check`: what is in a scene; runs nothing.
 
 use super::source::SceneArguments;
+use super::summary::short;
 use super::{Ending, print};
 use anyhow::Context as _;
 use springs::assembly::System;
 use springs::inspect::{Saving, count, skipped, suspicious};
-use springs::scene::printable;
+use springs::proportions::OwnWeight;
+use springs::scene::{Method, Scene, StepControl, printable};
 use springs::step::{Islands, Pace, solver_memory};
 use std::fmt::Write as _;
 
@@ -18,7 +20,12 @@ pub(crate) struct CheckArguments {
 pub(crate) fn check(arguments: &CheckArguments) -> anyhow::Result<Ending> {
     let source = arguments.scene.load()?;
     let scene = &source.scene;
-    let islands = Islands::new(scene).map_err(|error| source.advised(&error))?;
+    let trials = trials(scene);
+    let compiled = match trials {
+        None => scene.clone(),
+        Some(_) => without_trials(scene),
+    };
+    let islands = Islands::new(&compiled).map_err(|error| source.advised(&error))?;
     let skipped = skipped(scene, &islands);
     let suspicious = suspicious(scene, &islands);
     let largest = islands.largest().simulation();
@@ -39,7 +46,8 @@ pub(crate) fn check(arguments: &CheckArguments) -> anyhow::Result<Ending> {
         .filter(|node| node.is_moving_anchor())
         .count();
     let fixed = scene.nodes.iter().filter(|node| node.fixed).count();
-    let mass: f64 = systems().flat_map(System::masses).sum();
+    let masses = systems().flat_map(System::masses);
+    let mass = masses.fold(0.0, |sum, mass| sum + mass);
     let mut text = String::new();
     writeln!(text, "{name}")?;
     writeln!(
@@ -57,35 +65,57 @@ pub(crate) fn check(arguments: &CheckArguments) -> anyhow::Result<Ending> {
     )?;
     writeln!(
         text,
-        "  {mass:.4} kg free to move, {:.4} m from corner to corner",
-        scene.size()
+        "  {} kg free to move, {} m from corner to corner",
+        short(mass),
+        short(scene.size())
     )?;
     let [x, y, z] = scene.gravity.into();
     writeln!(text, "  gravity ({x}, {y}, {z}) m/s²")?;
+    if let Some(weight) = OwnWeight::of(scene) {
+        writeln!(
+            text,
+            "  its weight, carried by the springs at fixed nodes, changes their length by {} %",
+            short(100.0 * weight.strain)
+        )?;
+    }
     let tangent = choice
         .tangent
         .map_or(String::new(), |tangent| format!(" with {tangent} tangent"));
     let duration = scene.settings.duration;
-    match choice.pace {
-        Pace::Fixed(h) => {
-            let plan = largest.plan().expect("steps of fixed size have a plan");
-            let steps = count(plan.n_steps() as usize, "step");
+    match (trials, choice.pace) {
+        (Some(settled), _) => {
+            let method = scene.settings.method;
+            let error = asked_for(scene);
             writeln!(
                 text,
-                "  {}{tangent}: {steps} of {h} s for {duration} s",
-                choice.method
+                "  {method}: steps for an error of {error} after {duration} s"
+            )?;
+            writeln!(
+                text,
+                "  a run makes trial runs first; they settle {settled}"
+            )?;
+        }
+        (None, Pace::Fixed(h)) => {
+            let plan = largest.plan().expect("steps of fixed size have a plan");
+            let steps = count(plan.n_steps() as usize, "step");
+            let (method, h) = (choice.method, short(h));
+            writeln!(
+                text,
+                "  {method}{tangent}: {steps} of {h} s for {duration} s"
             )?;
             if let Some(rest) = plan.shortened {
-                writeln!(text, "  the last step is shortened to {rest} s")?;
+                writeln!(text, "  the last step is shortened to {} s", short(rest))?;
             }
         }
-        Pace::Tolerance(tolerance) => writeln!(
-            text,
-            "  {}{tangent}: steps for an error of {tolerance} m after {duration} s",
-            choice.method
-        )?,
+        (None, Pace::Tolerance(_)) => {
+            let (method, error) = (choice.method, asked_for(scene));
+            writeln!(
+                text,
+                "  {method}{tangent}: steps for an error of {error} after {duration} s"
+            )?;
+        }
     }
-    if !choice.reason.is_empty() {
+    if !choice.reason.is_empty() && trials.is_none() {
         writeln!(text, "  because {}", choice.reason)?;
     }
     let blocks = systems().map(|system| system.n_free() + system.pattern().pairs().len());
@@ -128,4 +158,38 @@ pub(crate) fn check(arguments: &CheckArguments) -> anyhow::Result<Ending> {
     }
     print(&text)?;
     Ok(Ending::Done)
+}
+
+/// What trial runs settle, if the run of the scene makes some.
+fn trials(scene: &Scene) -> Option<&'static str> {
+    let settings = &scene.settings;
+    // With a tangent, these methods are refused before any trial.
+    if matches!(settings.step, StepControl::Fixed(_)) || settings.tangent.is_some() {
+        return None;
+    }
+    match settings.method {
+        Method::Auto => Some("the method and its steps"),
+        Method::ImplicitMidpoint | Method::FilteredLeapfrog => Some("the number of equal steps"),
+        _ => None,
+    }
+}
+
+/// The scene with a step, which needs no trial runs; in the same parts, planes
+/// and lines.
+fn without_trials(scene: &Scene) -> Scene {
+    let mut scene = scene.clone();
+    let settings = &mut scene.settings;
+    settings.step = StepControl::Fixed(settings.duration.max(1.0));
+    if settings.method == Method::Auto {
+        // One that can move anything.
+        settings.method = Method::ImplicitEuler;
+    }
+    scene
+}
+
+fn asked_for(scene: &Scene) -> String {
+    match scene.settings.step {
+        StepControl::Tolerance(tolerance) => format!("{} m", short(tolerance)),
+        _ => "1e-3 of the size".to_owned(),
+    }
 }

@@ -65,12 +65,16 @@ struct Options {
     /// Which random disturbance
     #[arg(long, value_name = "S", default_value_t = 0)]
     seed: u64,
-    /// Time integration method [default: linearly-implicit-euler]
-    #[arg(long, value_name = "NAME")]
+    /// Time integration method [default: the cheapest for the tolerance]
+    #[arg(long, value_name = "NAME", value_parser = super::source::methods())]
     method: Option<Method>,
-    /// Step size in seconds [default: 1/60]
-    #[arg(long, value_name = "H")]
+    /// Steps of this size in seconds, by default of linearly-implicit-euler
+    /// [default of that method: 1/60]
+    #[arg(long, value_name = "H", conflicts_with = "tolerance")]
     step: Option<f64>,
+    /// Error of positions in metres to choose steps by [default: 1e-3 of the size]
+    #[arg(long, value_name = "TOL")]
+    tolerance: Option<f64>,
     /// Simulated time in seconds [default: 1]
     #[arg(long, value_name = "T")]
     duration: Option<f64>,
@@ -89,13 +93,29 @@ impl Options {
     fn apply(&self, scene: &mut Scene) {
         generate::disturb(scene, self.disturbance, self.seed);
         scene.gravity = self.gravity.unwrap_or(scene.gravity);
+        let size = scene.size();
         let settings = &mut scene.settings;
-        settings.method = self.method.unwrap_or(settings.method);
         settings.duration = self.duration.unwrap_or(settings.duration);
-        if let Some(step) = self.step {
-            settings.step = StepControl::Fixed(step);
-        }
+        (settings.method, settings.step) = match (self.method, self.step, self.tolerance) {
+            (method, Some(step), _) => (
+                method.unwrap_or(Method::LinearlyImplicitEuler),
+                StepControl::Fixed(step),
+            ),
+            (Some(Method::LinearlyImplicitEuler), None, None) => {
+                (Method::LinearlyImplicitEuler, settings.step)
+            }
+            (method, None, tolerance) => (
+                method.unwrap_or(Method::Auto),
+                StepControl::Tolerance(tolerance.unwrap_or_else(|| round(1e-3 * size))),
+            ),
+        };
     }
+}
+
+/// Two significant digits, for a file that people read.
+fn round(value: f64) -> f64 {
+    let text = format!("{value:.1e}");
+    text.parse().expect("a number reads back")
 }
 
 fn vector(text: &str) -> Result<Vector3<f64>, String> {

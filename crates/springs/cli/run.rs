@@ -10,9 +10,9 @@ use springs::io::{
     Checkpoint, ContinueError, Report, WriteError, parse_scene, read_checkpoint, scene_to_string,
     write_checkpoint,
 };
-use springs::report::{self, Timings, report};
+use springs::report::{self, Timings, TurnedOver, report};
 use springs::scene::Scene;
-use springs::step::{Account, Frame, Islands, Observer, Outcome, StepError};
+use springs::step::{Account, Frame, Islands, Observer, Outcome, StepError, Work};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -96,6 +96,8 @@ struct About {
     intervals: usize,
     every: Option<Every>,
     written: Written,
+    /// Energy that moved so far, in J.
+    turned_over: f64,
 }
 
 impl About {
@@ -132,6 +134,10 @@ struct Run {
     signals: Signals,
     begin: Instant,
     setup: Duration,
+    /// What was done before the first step.
+    trials: Work,
+    /// So far.
+    turned_over: TurnedOver,
     quiet: bool,
     /// What was written when the last files began to be.
     at_the_end: Option<Written>,
@@ -152,6 +158,8 @@ pub(crate) fn run(arguments: &RunArguments) -> anyhow::Result<Ending> {
         None => default_intervals(&source.scene),
     };
     let run = Run {
+        trials: islands.work(),
+        turned_over: TurnedOver::default(),
         scene: source.scene,
         islands,
         folder,
@@ -203,6 +211,7 @@ pub(crate) fn resume(arguments: &ResumeArguments) -> anyhow::Result<Ending> {
     scene.settings.skip = about.skip;
     scene.settings.threads = arguments.threads.map_or(0, at_most_useful);
     let mut islands = Islands::new(&scene).map_err(|error| foreign(&path, &error.to_string()))?;
+    let trials = islands.work();
     islands
         .restore(words)
         .map_err(|error| foreign(&path, &error.to_string()))?;
@@ -215,6 +224,8 @@ pub(crate) fn resume(arguments: &ResumeArguments) -> anyhow::Result<Ending> {
         other => foreign(&path, &other.to_string()).into(),
     })?;
     let run = Run {
+        trials,
+        turned_over: TurnedOver(about.turned_over),
         scene,
         islands,
         folder: folder.clone(),
@@ -305,6 +316,9 @@ impl Run {
             steps: 0,
             next_checkpoint: self.islands.time(),
             is_due: self.every.is_some(),
+            turned_over: self.turned_over,
+            next_look: self.islands.time(),
+            is_look_due: true,
         }
     }
 
@@ -367,7 +381,14 @@ impl Run {
             output: watcher.writing,
             total: self.begin.elapsed(),
         };
-        report(&self.scene, &self.islands, ending, timings)
+        report(
+            &self.scene,
+            &self.islands,
+            ending,
+            timings,
+            &self.trials,
+            watcher.turned_over,
+        )
     }
 
     /// After a file could not be written: saves the rest as far as there is room,
@@ -376,6 +397,7 @@ impl Run {
         let at_the_end = self.at_the_end.take();
         let written = at_the_end.unwrap_or_else(|| watcher.output.written());
         let report = self.report(watcher, report::Ending::Interrupted);
+        self.turned_over = watcher.turned_over;
         let mut saved = watcher.output.save_what_fits(&self.last(), &report);
         let can_go_on = watcher.output.holds_tables(&written);
         if can_go_on && self.write_checkpoint(written).is_ok() {
@@ -411,6 +433,7 @@ impl Run {
             // What a checkpoint goes on from must be there after a kill.
             watcher.output.keep_tables()?;
         }
+        self.turned_over = watcher.turned_over;
         self.write_checkpoint(watcher.output.written())?;
         watcher.output.checkpoint_written();
         watcher.is_due = false;
@@ -432,6 +455,7 @@ impl Run {
             intervals: self.intervals,
             every: self.every,
             written,
+            turned_over: self.turned_over.0,
         };
         let about = serde_json::to_string(&about).map_err(|error| WriteError {
             path: path.clone(),
@@ -477,7 +501,15 @@ struct Watcher {
     /// In simulated seconds.
     next_checkpoint: f64,
     is_due: bool,
+    /// Energy that moved so far.
+    turned_over: TurnedOver,
+    /// When energies are looked at next, in simulated seconds.
+    next_look: f64,
+    is_look_due: bool,
 }
+
+/// Looks at the energies of a run, in equal intervals.
+const LOOKS: f64 = 64.0;
 
 /// Time between two drawings of the progress bar.
 const REDRAW: Duration = Duration::from_millis(100);
@@ -515,10 +547,15 @@ impl Observer for Watcher {
     }
 
     fn wants_account(&self) -> bool {
-        self.output.wants_account()
+        self.is_look_due || self.output.wants_account()
     }
 
     fn account(&mut self, account: Account) -> ControlFlow<()> {
+        self.is_look_due = false;
+        self.turned_over.look(&account);
+        if !self.output.wants_account() {
+            return ControlFlow::Continue(());
+        }
         self.write(|output| output.account(&account))
     }
 
@@ -528,6 +565,10 @@ impl Observer for Watcher {
             self.progress.set_position((done * PROGRESS as f64) as u64);
             self.progress.set_message(format!("{time:.3} s simulated"));
             self.last_drawn = Instant::now();
+        }
+        if time >= self.next_look {
+            self.is_look_due = true;
+            self.next_look = time + self.duration / LOOKS;
         }
         self.steps += 1;
         self.is_due = match self.every {

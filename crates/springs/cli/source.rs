@@ -1,11 +1,13 @@
 //! The scene that a command is about, with what the command line changes.
 
 use super::Advised;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use springs::io::{Finding, SceneError, parse_scene, read_text};
 use springs::scene::{Method, Path as ScenePath, Scene, Solution, StepControl, Tangent};
 use springs::step::SetupError;
 use std::fs::File;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 /// A scene file and settings that replace those in it.
 #[derive(clap::Args)]
@@ -14,10 +16,10 @@ pub(crate) struct SceneArguments {
     #[arg(value_name = "SCENE.ron")]
     scene: PathBuf,
     /// Time integration method
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", value_parser = methods())]
     method: Option<Method>,
     /// How the across-spring stiffness enters the matrix
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", value_parser = tangents())]
     tangent: Option<Tangent>,
     /// Step size in seconds
     #[arg(
@@ -48,6 +50,30 @@ pub(crate) struct SceneArguments {
     /// Threads that may be used; results do not depend on it, and more than 256 are not used [default: all]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     threads: Option<u32>,
+}
+
+/// Reads the name of a method; `--help` lists them.
+pub(crate) fn methods() -> impl TypedValueParser<Value = Method> {
+    names(Method::ALL.iter().map(|one| (one.kebab_name(), one.name())))
+}
+
+fn tangents() -> impl TypedValueParser<Value = Tangent> {
+    names(
+        Tangent::ALL
+            .iter()
+            .map(|one| (one.kebab_name(), one.name())),
+    )
+}
+
+/// Reads a name in kebab-case, or as in scene files.
+fn names<T>(
+    names: impl Iterator<Item = (&'static str, &'static str)>,
+) -> impl TypedValueParser<Value = T>
+where
+    T: FromStr<Err: std::error::Error + Send + Sync> + Clone + Send + Sync + 'static,
+{
+    let names = names.map(|(kebab_name, name)| PossibleValue::new(kebab_name).alias(name));
+    PossibleValuesParser::new(names).try_map(|name| name.parse::<T>())
 }
 
 impl SceneArguments {
