@@ -28,6 +28,7 @@ mod fronts;
 mod graph;
 mod multifrontal;
 mod multilevel;
+mod registers;
 mod route;
 mod rows;
 mod sharing;

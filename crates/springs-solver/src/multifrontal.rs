@@ -2,6 +2,7 @@
 
 use crate::block::{PIVOT_ROUNDING, Rounding, dot, rows};
 use crate::fronts::Fronts;
+use crate::registers::with_clean_registers;
 use crate::sharing::{in_turns, largest_first, work_off};
 use crate::substitution::Substitution;
 use dyn_stack::{MemBuffer, MemStack};
@@ -555,13 +556,15 @@ fn eliminate_dense<T: Real, const D: usize>(
         let this = MatMut::from_column_major_slice_mut(this, height, width);
         let (_, this) = this.split_at_row_mut(start);
         let (mut diagonal, mut rest) = this.split_at_row_mut(width);
-        let done = cholesky_in_place(
-            diagonal.rb_mut(),
-            LltRegularization::default(),
-            Par::Seq,
-            stack,
-            Default::default(),
-        );
+        let done = with_clean_registers(|| {
+            cholesky_in_place(
+                diagonal.rb_mut(),
+                LltRegularization::default(),
+                Par::Seq,
+                stack,
+                Default::default(),
+            )
+        });
         // The kernel stops only at pivots that are not above zero.
         let n_done = match done {
             Ok(_) => width,
@@ -584,7 +587,7 @@ fn eliminate_dense<T: Real, const D: usize>(
         }
         let transposed = rest.rb_mut().transpose_mut();
         share(column_tiles(transposed), threads, |tile| {
-            solve_lower_triangular_in_place(diagonal, tile, Par::Seq);
+            with_clean_registers(|| solve_lower_triangular_in_place(diagonal, tile, Par::Seq));
         });
         let rest = rest.rb();
         let n_later = columns - end;
@@ -612,25 +615,27 @@ fn subtract_product<T: Real>(l: MatRef<'_, T>, first: usize, tile: MatMut<'_, T>
     let (diagonal, under) = tile.split_at_row_mut(width);
     let (of_diagonal, of_rest) = l.split_at_row(first).1.split_at_row(width);
     let minus = T::of(-1.0);
-    matmul_triangular(
-        diagonal,
-        BlockStructure::TriangularLower,
-        Accum::Add,
-        of_diagonal,
-        BlockStructure::Rectangular,
-        of_diagonal.transpose(),
-        BlockStructure::Rectangular,
-        minus,
-        Par::Seq,
-    );
-    matmul(
-        under,
-        Accum::Add,
-        of_rest,
-        of_diagonal.transpose(),
-        minus,
-        Par::Seq,
-    );
+    with_clean_registers(|| {
+        matmul_triangular(
+            diagonal,
+            BlockStructure::TriangularLower,
+            Accum::Add,
+            of_diagonal,
+            BlockStructure::Rectangular,
+            of_diagonal.transpose(),
+            BlockStructure::Rectangular,
+            minus,
+            Par::Seq,
+        );
+        matmul(
+            under,
+            Accum::Add,
+            of_rest,
+            of_diagonal.transpose(),
+            minus,
+            Par::Seq,
+        );
+    });
 }
 
 fn column_tiles<'a, T: Real + 'a>(mut rest: MatMut<'a, T>) -> impl Iterator<Item = MatMut<'a, T>> {
