@@ -84,7 +84,8 @@ impl<const D: usize, const P: usize> Core<D, P> {
             Route::Mixed => solver.direct.single_memory(),
             Route::Double | Route::Auto => solver.direct.double_memory(),
         };
-        let sum = iterative.and_then(|iterative| Some(iterative + factor?));
+        let symbolic = solver.direct.symbolic_memory();
+        let sum = iterative.and_then(|iterative| Some(symbolic + iterative + factor?));
         sum.ok_or(SolveError::TooLarge { n_blocks })
     }
 

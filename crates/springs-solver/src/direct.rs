@@ -5,7 +5,7 @@ use crate::block::Rounding;
 use crate::dissection::nested_dissection;
 use crate::fronts::{Elimination, Fronts};
 use crate::graph::minimum_degree;
-use crate::multifrontal::{Layout, Multifrontal};
+use crate::multifrontal::{Multifrontal, filled};
 use crate::rows::Rows;
 use crate::single::{Single, Substitution};
 use crate::tree::Tree;
@@ -65,21 +65,26 @@ impl<const D: usize, const P: usize> Direct<D, P> {
         self.size
     }
 
+    /// Memory of the symbolic factorization, in bytes.
+    pub(crate) fn symbolic_memory(&self) -> u64 {
+        self.fronts.memory() + (size_of::<usize>() * self.order.len()) as u64
+    }
+
     /// Memory of the factor in double precision and what belongs to it, in
     /// bytes; `None` if it cannot be counted.
     pub(crate) fn double_memory(&self) -> Option<u64> {
         if let Some(tree) = &self.tree {
             return Some(tree.memory());
         }
-        let size = Layout::new(&self.fronts, D)?.total_size(self.threads) as u64;
-        let blocks = (self.n_blocks() + self.n_pairs) as u64;
-        Some(8 * (size + P as u64 * blocks + (D * self.n_blocks()) as u64))
+        let factor = Multifrontal::<f64, D, P>::memory(&self.fronts, self.threads)?;
+        let blocks = P * (self.n_blocks() + self.n_pairs);
+        Some(factor + 8 * (blocks + D * self.n_blocks()) as u64)
     }
 
     /// The same in single precision.
     pub(crate) fn single_memory(&self) -> Option<u64> {
-        let size = Layout::new(&self.fronts, D)?.total_size(self.threads) as u64;
-        Some(4 * size + Single::<D, P>::memory(self.n_blocks(), self.n_pairs))
+        let factor = Multifrontal::<f32, D, P>::memory(&self.fronts, self.threads)?;
+        Some(factor + Single::<D, P>::memory(self.n_blocks(), self.n_pairs))
     }
 
     fn n_blocks(&self) -> usize {
@@ -138,12 +143,14 @@ impl<const D: usize, const P: usize> Direct<D, P> {
     fn allocate_double(&mut self) -> Result<&mut Double<D, P>, SolveError> {
         if self.double.is_none() {
             let n_blocks = self.n_blocks();
-            let factor = Multifrontal::new(&self.fronts, self.threads);
-            self.double = Some(Double {
-                factor: factor.ok_or(self.too_large())?,
-                blocks: vec![[0.0; P]; n_blocks + self.n_pairs],
-                permuted: vec![0.0; D * n_blocks],
-            });
+            let allocate = || {
+                Some(Double {
+                    factor: Multifrontal::new(&self.fronts, self.threads)?,
+                    blocks: filled([0.0; P], n_blocks + self.n_pairs)?,
+                    permuted: filled(0.0, D * n_blocks)?,
+                })
+            };
+            self.double = Some(allocate().ok_or(self.too_large())?);
         }
         Ok(self.double.as_mut().expect("allocated"))
     }

@@ -209,7 +209,26 @@ impl Fronts {
     }
 
     pub(crate) fn rows(&self, front: usize) -> &[u32] {
-        &self.rows[self.row_starts[front]..self.row_starts[front + 1]]
+        &self.rows[self.row_range(front)]
+    }
+
+    /// Where they are among those of all fronts.
+    pub(crate) fn row_range(&self, front: usize) -> std::ops::Range<usize> {
+        self.row_starts[front]..self.row_starts[front + 1]
+    }
+
+    /// In bytes.
+    pub(crate) fn memory(&self) -> u64 {
+        let of_fronts = 4 * (self.first.len() + self.parents.len() + self.children.len())
+            + size_of::<usize>()
+                * (self.row_starts.len() + self.child_starts.len() + self.entry_starts.len());
+        let of_rows = 4 * (self.rows.len() + self.relative.len());
+        (of_fronts + of_rows + size_of::<Entry>() * self.entries.len()) as u64
+    }
+
+    /// How many there are of all fronts.
+    pub(crate) fn n_rows(&self) -> usize {
+        self.rows.len()
     }
 
     pub(crate) fn relative(&self, front: usize) -> &[u32] {

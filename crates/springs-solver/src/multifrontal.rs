@@ -1,7 +1,7 @@
 //! Numeric factorization and solution on fronts.
 
 use crate::block::{PIVOT_ROUNDING, Rounding, dot, rows};
-use crate::fronts::Fronts;
+use crate::fronts::{Entry, Fronts};
 use crate::registers::with_clean_registers;
 use crate::sharing::{in_turns, largest_first, work_off};
 use crate::substitution::Substitution;
@@ -93,6 +93,9 @@ struct Piece<'a, T> {
 
 /// Subtrees are split until none is larger than this part of the whole.
 const TASK: f64 = 0.2;
+/// Updates of tasks, which wait for the fronts above them, are no larger than so
+/// many times the entries of the factor of the task.
+const LARGEST_WAITING: usize = 4;
 /// Below this number of operations a second thread is not worth waking.
 const WORTH_A_THREAD: f64 = 1.5e7;
 /// Fronts with fewer columns or rows than this are eliminated column by column,
@@ -114,6 +117,10 @@ pub(crate) struct Layout {
     pub(crate) panel_starts: Vec<usize>,
     /// Where the update of each front begins in the stack of its task.
     update_starts: Vec<usize>,
+    /// Whether it is summed up there, child by child, and not in one go on the
+    /// desk when all children are done.
+    in_place: Vec<bool>,
+    hand_on: Vec<HandOn>,
     /// Independent subtrees, then all fronts above them.
     pub(crate) tasks: Vec<Range<usize>>,
     pub(crate) top: Vec<usize>,
@@ -127,6 +134,17 @@ pub(crate) struct Layout {
     flops: f64,
 }
 
+/// What becomes of the update of a front.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum HandOn {
+    /// It waits on the stack.
+    Wait,
+    /// It is added to the front of its parent, which is in place.
+    Add,
+    /// Likewise, and that front has to be begun.
+    BeginAndAdd,
+}
+
 impl Layout {
     /// With blocks of the given dimension; `None` if the sizes cannot be counted.
     pub(crate) fn new(fronts: &Fronts, dimension: usize) -> Option<Self> {
@@ -138,29 +156,31 @@ impl Layout {
             panel_starts[front + 1] = panel_starts[front].checked_add(size)?;
         }
         let (tasks, top) = split(fronts);
-        let mut update_starts = vec![0; n];
-        let mut stack_sizes = Vec::new();
-        let mut largest_update = 0;
-        let all = tasks.iter().cloned().map(|task| task.collect::<Vec<_>>());
-        for list in all.chain([top.clone()]) {
-            let (mut used, mut most) = (0, 0);
-            for &front in &list {
-                let in_task = |child: &&u32| list.binary_search(&(**child as usize)).is_ok();
-                let first = fronts.children(front).iter().find(in_task);
-                let base = first.map_or(used, |&child| update_starts[child as usize]);
-                let update = update_size(fronts, front, dimension);
-                update_starts[front] = base;
-                used = base + update;
-                most = most.max(used);
-                largest_update = largest_update.max(update);
-            }
-            stack_sizes.push(most);
+        let updates: Vec<usize> = (0..n)
+            .map(|front| update_size(fronts, front, dimension))
+            .collect();
+        let mut list_of = vec![tasks.len(); n];
+        for (task, fronts) in tasks.iter().enumerate() {
+            list_of[fronts.clone()].fill(task);
         }
+        let places = Places::new(fronts, &updates, &list_of);
+        let mut stack_sizes = vec![0; tasks.len() + 1];
+        for front in 0..n {
+            if places.in_place[front] || places.hand_on[front] == HandOn::Wait {
+                let size: &mut usize = &mut stack_sizes[list_of[front]];
+                *size = (*size).max(places.update_starts[front] + updates[front]);
+            }
+        }
+        let on_desk = |front: &usize| !places.in_place[*front];
+        let on_desk = (0..n).filter(on_desk).map(|front| updates[front]);
+        let largest_update = on_desk.max().unwrap_or(0);
         let width = |front| dimension * fronts.n_columns(front);
         let height = |front| width(front) + dimension * fronts.rows(front).len();
         Some(Self {
             panel_starts,
-            update_starts,
+            update_starts: places.update_starts,
+            in_place: places.in_place,
+            hand_on: places.hand_on,
             tasks,
             top,
             stack_sizes,
@@ -175,15 +195,19 @@ impl Layout {
     pub(crate) fn factor_size(&self) -> usize {
         self.panel_starts[self.panel_starts.len() - 1]
     }
-
-    /// Entries of the factor and of all workspace.
-    pub(crate) fn total_size(&self, threads: usize) -> usize {
-        let stacks: usize = self.stack_sizes.iter().sum();
-        self.factor_size() + stacks + threads.max(1) * (self.largest_update + self.widest)
-    }
 }
 
 impl<T: Real, const D: usize, const P: usize> Multifrontal<T, D, P> {
+    /// Of the factor and all workspace, in bytes; `None` if it cannot be counted.
+    pub(crate) fn memory(fronts: &Fronts, threads: usize) -> Option<u64> {
+        let layout = Layout::new(fronts, D)?;
+        let stacks: usize = layout.stack_sizes.iter().sum();
+        let desks = threads.max(1) * (layout.largest_update + layout.widest);
+        let numbers = layout.factor_size() + stacks + desks;
+        let substitution = Substitution::<T, D>::memory(fronts, &layout, threads);
+        Some((size_of::<T>() * numbers + substitution) as u64)
+    }
+
     /// Allocates the factor and all workspace; `None` without enough memory.
     pub(crate) fn new(fronts: &Fronts, threads: usize) -> Option<Self> {
         let layout = Layout::new(fronts, D)?;
@@ -200,7 +224,7 @@ impl<T: Real, const D: usize, const P: usize> Multifrontal<T, D, P> {
                 memory: MemBuffer::try_new(scratch).ok()?,
             });
         }
-        let substitution = Substitution::new(fronts, &layout, threads);
+        let substitution = Substitution::new(fronts, &layout, threads)?;
         Some(Self {
             factor: zeros(layout.factor_size())?,
             layout,
@@ -226,20 +250,20 @@ impl<T: Real, const D: usize, const P: usize> Multifrontal<T, D, P> {
             false => 1,
         };
         let (stacks, top_stack) = self.stacks.split_at_mut(layout.tasks.len());
-        let (panel_starts, update_starts) = (&layout.panel_starts, &layout.update_starts);
+        let panel_starts = &layout.panel_starts;
         let within = Within::<T, D, P> {
             fronts,
             blocks,
             rounding,
-            panel_starts,
-            update_starts,
+            layout,
         };
         let (my_desk, other_desks) = self.desks.split_first_mut().expect("one thread at least");
         let mut result = Ok(());
         if threads == 1 {
             for (task, stack) in layout.tasks.iter().zip(stacks.iter_mut()) {
                 let panels = &mut self.factor[panel_starts[task.start]..panel_starts[task.end]];
-                let done = within.run(task.clone(), panels, stack, my_desk);
+                let desk = (&mut *my_desk, 1);
+                let done = within.run(task.clone(), panels, stack, desk, |_| None);
                 result = first_failure(result, done);
             }
         } else {
@@ -263,7 +287,7 @@ impl<T: Real, const D: usize, const P: usize> Multifrontal<T, D, P> {
             let shares = largest_first(pieces.into_iter(), threads, flops);
             let desks = std::iter::once(&mut *my_desk).chain(other_desks);
             let done = work_off(shares, desks, |piece, desk| {
-                within.run(piece.task, piece.panels, piece.stack, desk)
+                within.run(piece.task, piece.panels, piece.stack, (desk, 1), |_| None)
             });
             result = done.into_iter().fold(result, first_failure);
         }
@@ -277,21 +301,20 @@ impl<T: Real, const D: usize, const P: usize> Multifrontal<T, D, P> {
                 .is_some_and(|task| task.contains(&front));
             is_in.then_some(task)
         };
-        let top_stack = &mut top_stack[0];
-        for &front in &layout.top {
-            let panel = &mut self.factor[panel_starts[front]..panel_starts[front + 1]];
-            within.eliminate(front, panel, (my_desk, threads), |child| {
-                let stack = match task_of(child) {
-                    Some(task) => &stacks[task],
-                    None => &*top_stack,
-                };
-                let start = update_starts[child];
-                &stack[start..start + update_size(fronts, child, D)]
-            })?;
-            let (start, size) = (update_starts[front], update_size(fronts, front, D));
-            top_stack[start..start + size].copy_from_slice(&my_desk.update[..size]);
-        }
-        Ok(())
+        let update_of_task = |front: usize| {
+            let start = layout.update_starts[front];
+            let size = update_size(fronts, front, D);
+            task_of(front).map(|task| &stacks[task][start..start + size])
+        };
+        let top = layout.top.iter().copied();
+        let desk = (my_desk, threads);
+        within.run(
+            top,
+            &mut self.factor,
+            &mut top_stack[0],
+            desk,
+            update_of_task,
+        )
     }
 }
 
@@ -312,16 +335,82 @@ fn update_size(fronts: &Fronts, front: usize, dimension: usize) -> usize {
     below * below
 }
 
+/// Where the updates of fronts are; see [`Layout`].
+struct Places {
+    update_starts: Vec<usize>,
+    in_place: Vec<bool>,
+    hand_on: Vec<HandOn>,
+}
+
+impl Places {
+    /// From the size of the update of each front, and the task that it belongs to:
+    /// the fronts of a task are eliminated one after the other with one stack.
+    ///
+    /// Either the updates of all children wait on the stack until their parent
+    /// is assembled, or room for the parent is made first and each is added to
+    /// it at once: whichever takes less.
+    fn new(fronts: &Fronts, updates: &[usize], list_of: &[usize]) -> Self {
+        let n = fronts.len();
+        let children = |front: usize| {
+            let all = fronts.children(front).iter().map(|&child| child as usize);
+            all.filter(move |&child| list_of[child] == list_of[front])
+        };
+        let mut in_place = vec![false; n];
+        // What the subtree of each front takes while it is at work.
+        let mut needs = vec![0usize; n];
+        for front in 0..n {
+            let (mut waiting, mut most_waiting, mut most) = (0, 0, 0);
+            for child in children(front) {
+                most = most.max(needs[child]);
+                most_waiting = most_waiting.max(waiting + needs[child].max(updates[child]));
+                waiting += updates[child];
+            }
+            in_place[front] = updates[front] + most < most_waiting;
+            needs[front] = if in_place[front] {
+                updates[front] + most
+            } else {
+                most_waiting
+            };
+        }
+        let mut update_starts = vec![0; n];
+        let mut hand_on = vec![HandOn::Wait; n];
+        for front in (0..n).rev() {
+            let mut start = update_starts[front];
+            let mut next = HandOn::BeginAndAdd;
+            for child in children(front) {
+                if in_place[front] {
+                    update_starts[child] = start + updates[front];
+                    hand_on[child] = next;
+                    next = HandOn::Add;
+                } else {
+                    update_starts[child] = start;
+                    start += updates[child];
+                }
+            }
+        }
+        Self {
+            update_starts,
+            in_place,
+            hand_on,
+        }
+    }
+}
+
 /// Independent subtrees, ascending, none larger than a part of the whole, and
-/// the fronts above them.
+/// the fronts above them. Subtrees that leave a far larger update than their part of
+/// the factor are no tasks of their own: all those updates would have to wait.
 fn split(fronts: &Fronts) -> (Vec<Range<usize>>, Vec<usize>) {
     let n = fronts.len();
     let mut flops: Vec<f64> = (0..n).map(|front| fronts.flops(front)).collect();
     let total: f64 = flops.iter().sum();
     let mut first: Vec<usize> = (0..n).collect();
+    let columns = |front| fronts.n_columns(front);
+    let entries = |front| columns(front) * (columns(front) + fronts.rows(front).len());
+    let mut entries: Vec<usize> = (0..n).map(entries).collect();
     let with_parents = (0..n).filter_map(|front| Some((front, fronts.parent(front)?)));
     for (front, parent) in with_parents {
         flops[parent] += flops[front];
+        entries[parent] += entries[front];
         first[parent] = first[parent].min(first[front]);
     }
     let mut tasks = Vec::new();
@@ -331,6 +420,9 @@ fn split(fronts: &Fronts) -> (Vec<Range<usize>>, Vec<usize>) {
         match fronts.parent(front) {
             _ if !is_small(front) => top.push(front),
             Some(parent) if is_small(parent) => {}
+            _ if update_size(fronts, front, 1) > LARGEST_WAITING * entries[front] => {
+                top.extend(first..front + 1);
+            }
             _ => tasks.push(first..front + 1),
         }
     }
@@ -342,58 +434,115 @@ struct Within<'a, T, const D: usize, const P: usize> {
     fronts: &'a Fronts,
     blocks: &'a [[T; P]],
     rounding: Rounding,
-    panel_starts: &'a [usize],
-    update_starts: &'a [usize],
+    layout: &'a Layout,
 }
 
 impl<T: Real, const D: usize, const P: usize> Within<'_, T, D, P> {
-    /// Eliminates the fronts of one task.
-    fn run(
+    /// Eliminates fronts one after the other: those of a task, or those above all
+    /// tasks. `panels` begin with that of the first front or of all, and
+    /// `finished` has the updates of children that are not among them.
+    fn run<'b>(
         &self,
-        task: Range<usize>,
+        list: impl Iterator<Item = usize> + Clone,
         panels: &mut [T],
         stack: &mut [T],
-        desk: &mut Desk<T>,
-    ) -> Result<(), NotPositive> {
-        let (fronts, starts) = (self.fronts, self.panel_starts);
-        let base = starts[task.start];
-        for front in task {
-            let child_update = |child: usize| {
-                let start = self.update_starts[child];
-                &stack[start..start + update_size(fronts, child, D)]
+        (desk, threads): (&mut Desk<T>, usize),
+        finished: impl Fn(usize) -> Option<&'b [T]>,
+    ) -> Result<(), NotPositive>
+    where
+        T: 'b,
+    {
+        let (fronts, layout) = (self.fronts, self.layout);
+        let starts = &layout.panel_starts;
+        let base = match panels.len() == layout.factor_size() {
+            true => 0,
+            false => starts[list.clone().next().unwrap_or(0)],
+        };
+        let panel_of = |front: usize| starts[front] - base..starts[front + 1] - base;
+        let size_of = |front: usize| update_size(fronts, front, D);
+        for front in list {
+            let (start, size) = (layout.update_starts[front], size_of(front));
+            let in_place = layout.in_place[front];
+            let (waiting, mine) = stack.split_at_mut(if in_place { start } else { 0 });
+            let (update, waiting) = if in_place {
+                (&mut mine[..size], &*waiting)
+            } else {
+                (&mut desk.update[..size], &*mine)
             };
-            let panel = &mut panels[starts[front] - base..starts[front + 1] - base];
-            self.eliminate(front, panel, (desk, 1), child_update)?;
-            let (start, size) = (self.update_starts[front], update_size(fronts, front, D));
-            stack[start..start + size].copy_from_slice(&desk.update[..size]);
+            let errors = &mut desk.errors[..D * fronts.n_columns(front)];
+            let panel = &mut panels[panel_of(front)];
+            let update_of = |child: usize| {
+                let waits = || {
+                    let start = layout.update_starts[child];
+                    (!in_place).then(|| &waiting[start..start + size_of(child)])
+                };
+                finished(child).or_else(waits)
+            };
+            self.eliminate(
+                front,
+                panel,
+                update,
+                errors,
+                (&mut desk.memory, threads),
+                update_of,
+            )?;
+
+            let hand_on = layout.hand_on[front];
+            if let (Some(parent), true) = (fronts.parent(front), hand_on != HandOn::Wait) {
+                let (before, mine) = stack.split_at_mut(start);
+                let from = if in_place {
+                    &mine[..size]
+                } else {
+                    &desk.update[..size]
+                };
+                let update = &mut before[layout.update_starts[parent]..][..size_of(parent)];
+                let panel = &mut panels[panel_of(parent)];
+                pulp::Arch::new().dispatch(
+                    #[inline(always)]
+                    || {
+                        if hand_on == HandOn::BeginAndAdd {
+                            self.assemble(parent, panel, update);
+                        }
+                        self.add_update(front, from, parent, panel, update);
+                    },
+                );
+            } else if !in_place {
+                stack[start..start + size].copy_from_slice(&desk.update[..size]);
+            }
         }
         Ok(())
     }
 
     /// Assembles and eliminates one front: its columns of the factor go into
-    /// `panel`, what they leave for the parent into the update of the desk.
-    fn eliminate<'a>(
+    /// `panel`, what they leave for the parent into `update`. A front in place
+    /// has been begun, and `update_of` knows only children that were not added.
+    fn eliminate<'b>(
         &self,
         front: usize,
         panel: &mut [T],
-        (desk, threads): (&mut Desk<T>, usize),
-        child_update: impl Fn(usize) -> &'a [T],
+        update: &mut [T],
+        errors: &mut [T],
+        (memory, threads): (&mut MemBuffer, usize),
+        update_of: impl Fn(usize) -> Option<&'b [T]>,
     ) -> Result<(), NotPositive>
     where
-        T: 'a,
+        T: 'b,
     {
         let fronts = self.fronts;
-        let (columns, below) = (D * fronts.n_columns(front), D * fronts.rows(front).len());
-        let update = &mut desk.update[..below * below];
-        let errors = &mut desk.errors[..columns];
-        let is_small = columns < FEW_COLUMNS || columns + below < FEW_ROWS;
+        let (columns, height) = (errors.len(), panel.len() / errors.len());
+        let is_small = columns < FEW_COLUMNS || height < FEW_ROWS;
         let result = pulp::Arch::new().dispatch(
             #[inline(always)]
             || {
-                self.assemble(front, panel, update, errors);
+                if !self.layout.in_place[front] {
+                    self.assemble(front, panel, update);
+                }
+                self.set_errors(front, errors);
                 for &child in fronts.children(front) {
                     let child = child as usize;
-                    self.add_update(child, child_update(child), front, panel, update);
+                    if let Some(from) = update_of(child) {
+                        self.add_update(child, from, front, panel, update);
+                    }
                 }
                 match is_small {
                     true => eliminate_columns::<T, D>(panel, update, errors),
@@ -404,7 +553,7 @@ impl<T: Real, const D: usize, const P: usize> Within<'_, T, D, P> {
         let result = match is_small {
             true => result,
             false => {
-                let stack = MemStack::new(&mut desk.memory);
+                let stack = MemStack::new(memory);
                 eliminate_dense::<T, D>(panel, update, errors, threads, stack)
             }
         };
@@ -413,20 +562,26 @@ impl<T: Real, const D: usize, const P: usize> Within<'_, T, D, P> {
         })
     }
 
-    /// The entries of the matrix in a front, and the errors of its diagonal.
+    /// The errors of the diagonal of a front.
     #[inline(always)]
-    fn assemble(&self, front: usize, panel: &mut [T], update: &mut [T], errors: &mut [T]) {
+    fn set_errors(&self, front: usize, errors: &mut [T]) {
         let epsilon = T::of(PIVOT_ROUNDING) * T::EPSILON;
-        let height = panel.len() / errors.len();
+        let (errors, _) = errors.as_chunks_mut::<D>();
+        let on_diagonal = |entry: &&Entry| entry.row == entry.column;
+        for entry in self.fronts.entries(front).iter().filter(on_diagonal) {
+            let block = &self.blocks[entry.source as usize];
+            errors[entry.row as usize] = self.rounding.diagonal_errors(block, epsilon);
+        }
+    }
+
+    /// The entries of the matrix in a front.
+    #[inline(always)]
+    fn assemble(&self, front: usize, panel: &mut [T], update: &mut [T]) {
+        let height = panel.len() / (D * self.fronts.n_columns(front));
         panel.fill(T::default());
         update.fill(T::default());
-        let (errors, _) = errors.as_chunks_mut::<D>();
         for entry in self.fronts.entries(front) {
-            let block = &self.blocks[entry.source as usize];
-            if entry.row == entry.column {
-                errors[entry.row as usize] = self.rounding.diagonal_errors(block, epsilon);
-            }
-            let columns = rows::<T, D, P>(block);
+            let columns = rows::<T, D, P>(&self.blocks[entry.source as usize]);
             for (k, values) in columns.iter().enumerate() {
                 let start = (D * entry.column as usize + k) * height + D * entry.row as usize;
                 panel[start..start + D].copy_from_slice(values);
@@ -671,9 +826,14 @@ pub(crate) fn subtract_multiple<T: Real>(y: &mut [T], x: &[T], a: T) {
 }
 
 /// Zeroed storage, or `None` if there is not enough memory.
-fn zeros<T: Real>(length: usize) -> Option<Vec<T>> {
+pub(crate) fn zeros<T: Real>(length: usize) -> Option<Vec<T>> {
+    filled(T::default(), length)
+}
+
+/// Storage full of one value, likewise.
+pub(crate) fn filled<V: Clone>(value: V, length: usize) -> Option<Vec<V>> {
     let mut values = Vec::new();
     values.try_reserve_exact(length).ok()?;
-    values.resize(length, T::of(0.0));
+    values.resize(length, value);
     Some(values)
 }

@@ -120,7 +120,7 @@ impl<const D: usize, const P: usize> Multilevel<D, P> {
         let own = (8 * P + 16 * D + 4) * n_blocks + 4 * self.coarse_pairs.len();
         let coarse_values = 8 * (P + D) * n_coarse + 8 * P * self.coarse_off_diagonal.len();
         let coarse = match &self.coarse {
-            Coarse::Direct(direct) => direct.double_memory()?,
+            Coarse::Direct(direct) => direct.symbolic_memory() + direct.double_memory()?,
             Coarse::Level { preconditioner, .. } => {
                 Rows::<P>::memory(n_coarse, self.coarse_off_diagonal.len())
                     + (8 * D * n_coarse) as u64

@@ -3,7 +3,7 @@
 use crate::block::{Rounding, packed};
 use crate::conjugate_gradients::Preconditioner;
 use crate::fronts::Fronts;
-use crate::multifrontal::{Multifrontal, NotPositive};
+use crate::multifrontal::{Multifrontal, NotPositive, filled};
 use crate::rows::Rows;
 
 /// Half the bytes and twice the operations a second of a factor in double
@@ -29,9 +29,9 @@ impl<const D: usize, const P: usize> Single<D, P> {
     ) -> Option<Self> {
         Some(Self {
             factor: Multifrontal::new(fronts, threads)?,
-            blocks: vec![[0.0; P]; n_blocks + n_pairs],
-            permuted: vec![0.0; D * n_blocks],
-            scales: vec![1.0; n_blocks],
+            blocks: filled([0.0; P], n_blocks + n_pairs)?,
+            permuted: filled(0.0, D * n_blocks)?,
+            scales: filled(1.0, n_blocks)?,
         })
     }
 

@@ -1,21 +1,26 @@
 //! Solution with the factor of a multifrontal factorization.
 
 use crate::fronts::Fronts;
-use crate::multifrontal::{Layout, Multifrontal, Real, subtract_multiple};
+use crate::multifrontal::{Layout, Multifrontal, Real, subtract_multiple, zeros};
 use crate::sharing::{largest_first, work_off};
 use std::ops::Range;
 
 /// Workspace of solutions. Like factorizations, they run subtree by subtree and
 /// then through the fronts above, with the same bits for any number of threads.
 pub(crate) struct Substitution<T, const D: usize> {
+    /// Where each row of each front is: its index among the columns of the task,
+    /// or, past those, among the rows outside that the task touches; for fronts
+    /// above the tasks, among their columns.
+    places: Vec<u32>,
     /// Where each column of the top fronts is among them.
     top_index: Vec<u32>,
     /// The columns of the top fronts.
     top_columns: Vec<u32>,
     /// Their entries of x.
     top_x: Vec<T>,
-    /// Per task: first what it adds to them, then what they are.
-    copies: Vec<Vec<T>>,
+    /// Of the rows outside, task by task: first what the task adds to them, then
+    /// what they are. They are those of its last front.
+    outside: Vec<T>,
     /// Per thread: the entries of x that a front touches.
     gathered: Vec<Vec<T>>,
 }
@@ -24,7 +29,8 @@ pub(crate) struct Substitution<T, const D: usize> {
 const WORTH_A_THREAD: usize = 600_000;
 
 impl<T: Real, const D: usize> Substitution<T, D> {
-    pub(crate) fn new(fronts: &Fronts, layout: &Layout, threads: usize) -> Self {
+    /// `None` without enough memory.
+    pub(crate) fn new(fronts: &Fronts, layout: &Layout, threads: usize) -> Option<Self> {
         let mut top_index = vec![0; fronts.first[fronts.len()] as usize];
         let mut top_columns = Vec::new();
         for &front in &layout.top {
@@ -33,15 +39,59 @@ impl<T: Real, const D: usize> Substitution<T, D> {
                 top_columns.push(column);
             }
         }
-        let zero = T::default();
-        Self {
-            top_x: vec![zero; D * top_columns.len()],
-            copies: vec![vec![zero; D * top_columns.len()]; layout.tasks.len()],
-            gathered: vec![vec![zero; layout.highest]; threads.max(1)],
+        let mut places = vec![0; fronts.n_rows()];
+        for task in &layout.tasks {
+            let columns = fronts.first[task.start]..fronts.first[task.end];
+            let outside = fronts.rows(task.end - 1);
+            for front in task.clone() {
+                let rows = fronts.rows(front).iter();
+                for (place, row) in places[fronts.row_range(front)].iter_mut().zip(rows) {
+                    *place = if columns.contains(row) {
+                        row - columns.start
+                    } else {
+                        let among = outside.binary_search(row).expect("a row of the last front");
+                        columns.len() as u32 + among as u32
+                    };
+                }
+            }
+        }
+        for &front in &layout.top {
+            let rows = fronts.rows(front).iter();
+            for (place, &row) in places[fronts.row_range(front)].iter_mut().zip(rows) {
+                *place = top_index[row as usize];
+            }
+        }
+        let mut gathered = Vec::new();
+        for _ in 0..threads.max(1) {
+            gathered.push(zeros(layout.highest)?);
+        }
+        Some(Self {
+            places,
+            top_x: zeros(D * top_columns.len())?,
+            outside: zeros(D * n_outside(fronts, layout))?,
+            gathered,
             top_index,
             top_columns,
-        }
+        })
     }
+
+    /// In bytes.
+    pub(crate) fn memory(fronts: &Fronts, layout: &Layout, threads: usize) -> usize {
+        let n_top: usize = layout
+            .top
+            .iter()
+            .map(|&front| fronts.n_columns(front))
+            .sum();
+        let indices = fronts.n_rows() + n_top + fronts.first[fronts.len()] as usize;
+        let blocks = n_top + n_outside(fronts, layout);
+        4 * indices + size_of::<T>() * (D * blocks + threads.max(1) * layout.highest)
+    }
+}
+
+/// Rows outside that tasks touch: those of the last front of each.
+fn n_outside(fronts: &Fronts, layout: &Layout) -> usize {
+    let rows = |task: &Range<usize>| fronts.rows(task.end - 1).len();
+    layout.tasks.iter().map(rows).sum()
 }
 
 /// What a task, or the top, sees of x.
@@ -49,34 +99,48 @@ struct View<'a, T, const D: usize> {
     fronts: &'a Fronts,
     factor: &'a [T],
     panel_starts: &'a [usize],
+    places: &'a [u32],
     top_index: &'a [u32],
-    /// Its own columns, and their entries of x.
-    columns: Range<u32>,
+    /// Its first column; `None` for the fronts above all tasks.
+    first: Option<u32>,
+    /// Its own entries of x.
     own: &'a mut [T],
-    /// Entries of the top columns.
-    top: &'a mut [T],
+    /// Entries of the rows outside.
+    outside: &'a mut [T],
     gathered: &'a mut [T],
 }
 
 impl<T: Real, const D: usize> View<'_, T, D> {
+    /// Where the first column of a front is.
     #[inline(always)]
-    fn block(&mut self, row: u32) -> &mut [T; D] {
+    fn place(&self, front: usize) -> usize {
+        let column = self.fronts.first[front];
+        match self.first {
+            Some(first) => (column - first) as usize,
+            None => self.top_index[column as usize] as usize,
+        }
+    }
+
+    #[inline(always)]
+    fn block(&mut self, place: u32) -> &mut [T; D] {
         let (own, _) = self.own.as_chunks_mut::<D>();
-        let (top, _) = self.top.as_chunks_mut::<D>();
-        match self.columns.contains(&row) {
-            true => &mut own[(row - self.columns.start) as usize],
-            false => &mut top[self.top_index[row as usize] as usize],
+        let (outside, _) = self.outside.as_chunks_mut::<D>();
+        let (place, n_own) = (place as usize, own.len());
+        match place < n_own {
+            true => &mut own[place],
+            false => &mut outside[place - n_own],
         }
     }
 
     /// Number of scalars that were gathered: columns of the front, then rows.
     #[inline(always)]
     fn gather(&mut self, front: usize) -> usize {
-        let fronts = self.fronts;
-        let columns = fronts.first[front]..fronts.first[front + 1];
-        let mut n = 0;
-        for row in columns.chain(fronts.rows(front).iter().copied()) {
-            let block = *self.block(row);
+        let (start, columns) = (D * self.place(front), D * self.fronts.n_columns(front));
+        self.gathered[..columns].copy_from_slice(&self.own[start..start + columns]);
+        let mut n = columns;
+        let places = self.places;
+        for &place in &places[self.fronts.row_range(front)] {
+            let block = *self.block(place);
             self.gathered[n..n + D].copy_from_slice(&block);
             n += D;
         }
@@ -85,12 +149,16 @@ impl<T: Real, const D: usize> View<'_, T, D> {
 
     #[inline(always)]
     fn scatter(&mut self, front: usize, with_rows: bool) {
-        let fronts = self.fronts;
-        let columns = fronts.first[front]..fronts.first[front + 1];
-        let rows = if with_rows { fronts.rows(front) } else { &[] };
-        for (k, row) in columns.chain(rows.iter().copied()).enumerate() {
-            let block = std::array::from_fn(|axis| self.gathered[D * k + axis]);
-            *self.block(row) = block;
+        let (start, columns) = (D * self.place(front), D * self.fronts.n_columns(front));
+        self.own[start..start + columns].copy_from_slice(&self.gathered[..columns]);
+        if with_rows {
+            let mut n = columns;
+            let places = self.places;
+            for &place in &places[self.fronts.row_range(front)] {
+                let block = std::array::from_fn(|axis| self.gathered[n + axis]);
+                *self.block(place) = block;
+                n += D;
+            }
         }
     }
 
@@ -139,40 +207,42 @@ enum Direction {
 impl<T: Real, const D: usize, const P: usize> Multifrontal<T, D, P> {
     /// Replaces b by the solution, both in order of elimination.
     pub(crate) fn solve_in_place(&mut self, fronts: &Fronts, x: &mut [T]) {
-        for copy in &mut self.substitution.copies {
-            copy.fill(T::default());
-        }
+        self.substitution.outside.fill(T::default());
         self.run_tasks(Direction::Forward, fronts, x);
         let work = &mut self.substitution;
         let (top_x, _) = work.top_x.as_chunks_mut::<D>();
         let (blocks, _) = x.as_chunks_mut::<D>();
-        for (k, (target, &column)) in top_x.iter_mut().zip(&work.top_columns).enumerate() {
-            let mut sum = blocks[column as usize];
-            for copy in &work.copies {
-                for (axis, sum) in sum.iter_mut().enumerate() {
-                    *sum += copy[D * k + axis];
-                }
+        for (target, &column) in top_x.iter_mut().zip(&work.top_columns) {
+            *target = blocks[column as usize];
+        }
+        let rows_outside = |task: &Range<usize>| fronts.rows(task.end - 1);
+        let (outside, _) = work.outside.as_chunks_mut::<D>();
+        let rows = self.layout.tasks.iter().flat_map(rows_outside);
+        for (&row, more) in rows.zip(&*outside) {
+            let target = &mut top_x[work.top_index[row as usize] as usize];
+            for (target, more) in target.iter_mut().zip(more) {
+                *target += *more;
             }
-            *target = sum;
         }
         let mut top = View::<T, D> {
             fronts,
             factor: &self.factor,
             panel_starts: &self.layout.panel_starts,
+            places: &work.places,
             top_index: &work.top_index,
-            columns: 0..0,
-            own: &mut [],
-            top: &mut work.top_x,
+            first: None,
+            own: top_x.as_flattened_mut(),
+            outside: &mut [],
             gathered: &mut work.gathered[0],
         };
         top.run(Direction::Forward, self.layout.top.iter().copied());
         top.run(Direction::Backward, self.layout.top.iter().copied());
-        let (top_x, _) = work.top_x.as_chunks::<D>();
         for (source, &column) in top_x.iter().zip(&work.top_columns) {
             blocks[column as usize] = *source;
         }
-        for copy in &mut work.copies {
-            copy.copy_from_slice(&work.top_x);
+        let rows = self.layout.tasks.iter().flat_map(rows_outside);
+        for (&row, target) in rows.zip(outside) {
+            *target = top_x[work.top_index[row as usize] as usize];
         }
         self.run_tasks(Direction::Backward, fronts, x);
     }
@@ -185,35 +255,35 @@ impl<T: Real, const D: usize, const P: usize> Multifrontal<T, D, P> {
         };
         let mut rest = x;
         let mut at = 0;
-        let tasks = self
-            .layout
-            .tasks
-            .iter()
-            .zip(&mut work.copies)
-            .map(|(task, top)| {
-                let columns = fronts.first[task.start]..fronts.first[task.end];
-                let (begin, end) = (D * columns.start as usize, D * columns.end as usize);
-                let (_, tail) = std::mem::take(&mut rest).split_at_mut(begin - at);
-                let (own, tail) = tail.split_at_mut(end - begin);
-                (rest, at) = (tail, end);
-                Task {
-                    fronts: task.clone(),
-                    columns,
-                    own,
-                    top,
-                }
-            });
+        let mut rest_outside = &mut work.outside[..];
+        let tasks = self.layout.tasks.iter().map(|task| {
+            let n_outside = D * fronts.rows(task.end - 1).len();
+            let (outside, tail) = std::mem::take(&mut rest_outside).split_at_mut(n_outside);
+            rest_outside = tail;
+            let columns = fronts.first[task.start]..fronts.first[task.end];
+            let (begin, end) = (D * columns.start as usize, D * columns.end as usize);
+            let (_, tail) = std::mem::take(&mut rest).split_at_mut(begin - at);
+            let (own, tail) = tail.split_at_mut(end - begin);
+            (rest, at) = (tail, end);
+            Task {
+                fronts: task.clone(),
+                first: columns.start,
+                own,
+                outside,
+            }
+        });
         let (factor, panel_starts) = (&self.factor, &self.layout.panel_starts);
-        let top_index = &work.top_index;
+        let (places, top_index) = (&work.places, &work.top_index);
         let run = |task: Task<'_, T>, gathered: &mut [T]| {
             let mut view = View::<T, D> {
                 fronts,
                 factor,
                 panel_starts,
+                places,
                 top_index,
-                columns: task.columns,
+                first: Some(task.first),
                 own: task.own,
-                top: task.top,
+                outside: task.outside,
                 gathered,
             };
             view.run(direction, task.fronts);
@@ -235,9 +305,9 @@ impl<T: Real, const D: usize, const P: usize> Multifrontal<T, D, P> {
 /// One subtree with its part of x.
 struct Task<'a, T> {
     fronts: Range<usize>,
-    columns: Range<u32>,
+    first: u32,
     own: &'a mut [T],
-    top: &'a mut Vec<T>,
+    outside: &'a mut [T],
 }
 
 /// xᵀy, in lanes so that the order of the sum is that of the vector unit.
