@@ -161,7 +161,8 @@ fn momentum_survives_extreme_stiffness() {
     }
 }
 
-/// A massless node between two springs: one spring of 1/K = 1/K₁ + 1/K₂.
+/// A massless node between two springs: one spring of 1/K = 1/K₁ + 1/K₂. They
+/// are taut from the start: what is slack holds nothing sideways.
 #[test]
 fn a_massless_node_in_a_series_is_one_spring() {
     let chain = |stiffnesses: &[f64]| {
@@ -170,8 +171,10 @@ fn a_massless_node_in_a_series_is_one_spring() {
             ..Scene::default()
         };
         let n = stiffnesses.len();
+        let rest_length = 1.0 / n as f64;
         for k in 0..=n {
-            let position = Vector3::z() * (-(k as f64) / n as f64);
+            let stretched = stiffnesses[..k].iter().map(|k| rest_length + 2.0 / k);
+            let position = Vector3::z() * -stretched.sum::<f64>();
             let mass = if k == n { 1.0 } else { 0.0 };
             scene.add_node(Node {
                 mass,
@@ -181,6 +184,7 @@ fn a_massless_node_in_a_series_is_one_spring() {
         }
         for (k, &stiffness) in stiffnesses.iter().enumerate() {
             scene.add_spring(k, k + 1, stiffness);
+            scene.springs[k].rest_length = rest_length;
         }
         scene.settings.duration = 0.5;
         scene

@@ -23,6 +23,7 @@ pub fn pendulum(stiffness: f64) -> Scene {
         ..Node::at(Vector3::x())
     });
     scene.add_spring(0, 1, stiffness);
+    scene.springs[0].rest_length = 1.0;
     scene
 }
 
@@ -111,6 +112,78 @@ fn pulled() -> Scene {
     swinging(scene, 0.5)
 }
 
+/// Two masses that vibrate against each other along their spring while they fly
+/// with a common velocity.
+pub fn dumbbell(stiffness: f64, amplitude: f64, velocity: f64) -> Scene {
+    let mut scene = Scene {
+        name: format!("dumbbell, K = {stiffness:e}, at {velocity:e} m/s"),
+        ..Scene::default()
+    };
+    for x in [0.0, 1.0 + amplitude] {
+        scene.add_node(Node {
+            mass: 1.0,
+            velocity: Vector3::new(velocity, 0.0, 0.0),
+            ..Node::at(Vector3::new(x, 0.0, 0.0))
+        });
+    }
+    scene.add_spring(0, 1, stiffness);
+    scene.springs[0].rest_length = 1.0;
+    scene
+}
+
+/// A mass on a very soft spring whose other end leaves at 100 m/s: forces change
+/// so slowly that only velocities tell the error of a step.
+pub fn towed() -> Scene {
+    let mut scene = Scene {
+        name: "towed softly".to_owned(),
+        ..Scene::default()
+    };
+    scene.add_node(Node {
+        velocity: Vector3::new(100.0, 0.0, 0.0),
+        ..Node::fixed(Vector3::x())
+    });
+    scene.add_node(Node {
+        mass: 1.0,
+        ..Node::at(Vector3::zeros())
+    });
+    scene.add_spring(0, 1, 1e-4);
+    scene.settings.duration = 10.0;
+    scene
+}
+
+/// A weight on a spring and a dashpot, drawn sideways by a slow hook.
+pub fn drawn() -> Scene {
+    let mut scene = pendulum(1e4);
+    scene.name = "slowly drawn weight".to_owned();
+    scene.nodes[0].velocity = Vector3::new(0.02, 0.05, 0.0);
+    scene.nodes[1].position = Vector3::new(0.0, 0.0, -1.0);
+    scene.springs[0].damping = 20.0;
+    scene.settings.duration = 4.0;
+    scene
+}
+
+/// A mass that is whirled round on two springs in a row whose middle has no mass,
+/// and starts where they are not in balance; and the one spring that they equal.
+pub fn without_middle_mass() -> (Scene, Scene) {
+    let mut one = pendulum(500.0);
+    one.name = "massless middle, one spring".to_owned();
+    one.gravity = Vector3::zeros();
+    one.nodes[1].position = Vector3::new(1.02, 0.0, 0.0);
+    one.nodes[1].velocity = Vector3::new(0.0, 4.0, 0.0);
+    let mut two = Scene {
+        name: "massless middle".to_owned(),
+        ..Scene::default()
+    };
+    two.add_node(one.nodes[0]);
+    two.add_node(one.nodes[1]);
+    two.add_node(Node::at(Vector3::new(0.4, 0.0, 0.0)));
+    for (a, b) in [(0, 2), (2, 1)] {
+        let spring = two.add_spring(a, b, 1000.0);
+        two.springs[spring].rest_length = 0.5;
+    }
+    (two, one)
+}
+
 pub fn moving_scenes() -> Vec<Scene> {
     let mut sideways = swinging(block(3, of(200.0, Material::of_block())), 0.5);
     sideways.name = "block 3 sideways".to_owned();
@@ -141,5 +214,11 @@ pub fn moving_scenes() -> Vec<Scene> {
         caught(),
         net(),
         damped,
+        dumbbell(1e2, 0.05, 0.0),
+        dumbbell(1e2, 0.05, 1e3),
+        dumbbell(1e4, 0.01, 0.0),
+        dumbbell(1e4, 0.01, 1e3),
+        towed(),
+        drawn(),
     ]
 }

@@ -219,6 +219,26 @@ impl Springs {
         most.map(|(index, _, length)| (index, length))
     }
 
+    /// Elastic energy, in J, of the springs with a free end: the part that forces
+    /// on free nodes come from.
+    pub fn energy_on_free_blocks(&self, x: &[Vector3<f64>]) -> f64 {
+        let live = self.connections.live();
+        live.map(|index| self.energy_of(index, x)).sum()
+    }
+
+    /// The largest coordinate, in m, of an end of a spring with a free end: what
+    /// rounding of lengths is in proportion to.
+    pub fn largest_coordinate(&self, x: &[Vector3<f64>]) -> f64 {
+        let ends = self.connections.ends()[self.connections.live()].iter();
+        let coordinates = ends.flatten().map(|&block| x[block as usize].amax());
+        coordinates.fold(0.0, f64::max)
+    }
+
+    fn energy_of(&self, index: usize, x: &[Vector3<f64>]) -> f64 {
+        let dx = self.connections.difference(index, x);
+        spring::energy(self.material(index), &Vector3::zeros(), &dx)
+    }
+
     /// K of a spring of the batch, in N/m.
     ///
     /// # Panics
@@ -291,11 +311,7 @@ impl Springs {
 
 impl ForceEmitter for Springs {
     fn energy(&self, x: &[Vector3<f64>]) -> f64 {
-        let energy = |index| {
-            let dx = self.connections.difference(index, x);
-            spring::energy(self.material(index), &Vector3::zeros(), &dx)
-        };
-        (0..self.len()).map(energy).sum()
+        (0..self.len()).map(|index| self.energy_of(index, x)).sum()
     }
 
     fn add_forces(&self, x: &[Vector3<f64>], _v: &[Vector3<f64>], forces: &mut [Vector3<f64>]) {

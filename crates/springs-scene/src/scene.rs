@@ -132,9 +132,18 @@ impl Scene {
         masses
     }
 
-    /// Length of the diagonal of the box around all nodes, in m: the size that
-    /// default tolerances refer to.
+    /// Length of the diagonal of the box around all nodes, in m, but no less than
+    /// the shortest rest length that is not zero, which a scene that starts
+    /// folded up will stretch to: the size that default tolerances refer to.
     pub fn size(&self) -> f64 {
+        let rest_lengths = self.springs.iter().map(|spring| spring.rest_length);
+        let shortest = rest_lengths
+            .filter(|&length| length > 0.0)
+            .min_by(f64::total_cmp);
+        self.diagonal().max(shortest.unwrap_or(0.0))
+    }
+
+    fn diagonal(&self) -> f64 {
         let Some(first) = self.nodes.first() else {
             return 0.0;
         };

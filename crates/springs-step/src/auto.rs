@@ -70,7 +70,7 @@ pub(crate) struct Picked {
 /// there is no estimate of its own), angle ωh up to which it is stable, and what
 /// the method itself does per node and evaluation, in ns.
 const EXPLICIT: [(scene::Method, f64, f64, f64); 4] = [
-    (scene::Method::Dop853, 12.0, 4.5, 18.0),
+    (scene::Method::Dop853, 12.0, 5.9, 18.0),
     (scene::Method::VelocityVerlet, 3.0, 2.0, 3.0),
     (scene::Method::BlanesMoan4, 18.0, 5.0, 3.0),
     (scene::Method::BlanesMoan6, 33.0, 9.0, 3.0),
@@ -84,7 +84,7 @@ const SHARE: f64 = 0.1;
 const MOST_ATTEMPTS: usize = 4;
 const USUAL_ATTEMPTS: f64 = 2.0;
 /// Factorizations of an attempt with an implicit method, usually.
-const USUAL_FACTORIZATIONS: f64 = 8.0;
+const USUAL_FACTORIZATIONS: f64 = 10.0;
 /// Trial runs with equal steps may cost this part of the whole run; they have at
 /// least so many steps, and if they are begun may have so many.
 const TRIAL_RUNS: f64 = 0.5;

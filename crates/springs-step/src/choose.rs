@@ -20,8 +20,8 @@ use springs_scene::{self as scene, Scene, StepControl, Tangent};
 const DEFAULT_TOLERANCE: f64 = 1e-3;
 
 /// Explicit steps of fixed size are chosen up to this product of step size and
-/// frequency (or damping rate) bound: a quarter of Verlet's stability limit.
-const EXPLICIT_LIMIT: f64 = 0.5;
+/// frequency (or damping rate) bound: half of Verlet's stability limit.
+const EXPLICIT_LIMIT: f64 = 1.0;
 
 /// Trial runs for equal steps that were asked for end here.
 const MOST_TRIAL_STEPS: f64 = 1e7;
@@ -84,6 +84,11 @@ fn settle(
     if let (scene::Method::Auto, Schedule::Fixed(plan)) = (choice.method, schedule) {
         pick_for_step(&mut choice, system, plan.step_size);
     }
+    if let StepControl::Fixed(step) = scene.settings.step
+        && pace != Pace::Fixed(step)
+    {
+        choice.reason = format!("steps of {step:?} s made equal: the last one cannot be shorter");
+    }
     match choice.method {
         scene::Method::LinearlyImplicitEuler => {
             choice.tangent.get_or_insert(Tangent::Exact);
@@ -131,10 +136,11 @@ fn pace_of(scene: &Scene, system: &System) -> (Pace, Schedule) {
     let duration = settings.duration;
     let tolerance = match settings.step {
         StepControl::Fixed(step) => {
-            return (
-                Pace::Fixed(step),
-                Schedule::Fixed(StepPlan::new(duration, step)),
-            );
+            let mut plan = StepPlan::new(duration, step);
+            if plan.shortened.is_some() && keeps_its_step(settings.method) {
+                plan = StepPlan::equal(duration, plan.n_steps());
+            }
+            return (Pace::Fixed(plan.step_size), Schedule::Fixed(plan));
         }
         StepControl::Tolerance(tolerance) => tolerance,
         StepControl::Auto => default_tolerance(scene),
@@ -189,6 +195,12 @@ pub(crate) fn start(
         start.method.restart();
     }
     Ok(start)
+}
+
+/// Whether all steps of a method must have one size, the last one included:
+/// what stiff springs hold would be let go by a shorter one.
+pub(crate) fn keeps_its_step(method: scene::Method) -> bool {
+    method == scene::Method::FilteredLeapfrog
 }
 
 /// A first step that is short for anything the scene can do; the controller
@@ -302,9 +314,7 @@ impl Choice {
                 let method = TrBdf2::new(system)?;
                 return Ok(Box::new(match self.pace {
                     Pace::Fixed(_) => method,
-                    Pace::Tolerance(tolerance) => {
-                        method.with_accuracy(STAGE_ACCURACY * tolerance / self.duration)
-                    }
+                    Pace::Tolerance(tolerance) => method.with_tolerance(tolerance, self.duration),
                 }));
             }
         };
@@ -357,6 +367,3 @@ impl Choice {
         }
     }
 }
-
-/// The part of the tolerance that stages may be off by.
-const STAGE_ACCURACY: f64 = 0.03;

@@ -1,6 +1,6 @@
 //! DOP853: the explicit Runge–Kutta method of order 8 of Dormand and Prince.
 
-use crate::method::time_scale;
+use crate::method::{spread, time_scale};
 use crate::work::timed;
 use crate::{
     Anchors, ErrorEstimate, Flows, HiddenState, Interval, Method, MethodError, State, Work,
@@ -136,16 +136,15 @@ impl Method for Dop853 {
             accelerate(system, &self.stage, &mut self.accelerations[stage], work);
             self.flows += flows_of(stage, h, system, &self.stage);
         }
-        let mut speed: f64 = 0.0;
         let mut change: f64 = 0.0;
         for block in 0..n_free {
             let (dx, dv) = self.sum(&B, block);
             state.x[block] += dx * h;
             state.v[block] += dv * h;
-            speed = speed.max(state.v[block].amax());
             change = change.max(dv.amax());
         }
         anchors.place(interval.end, &mut state.x);
+        let speed = spread(&state.v);
         let (block, error) = self.estimate(h, time_scale(speed, change, h));
         let estimate = ErrorEstimate {
             rate: error / h,

@@ -17,7 +17,7 @@ pub struct Doubling {
     whole: State,
     /// Hidden state is that at the start of the step.
     is_fresh: bool,
-    /// Estimated errors of velocities of the last step, as momenta.
+    /// Estimated errors of velocities of the last step, in m/s.
     errors: Vec<Vector3<f64>>,
     /// Of positions, in m, and where.
     error_of_positions: f64,
@@ -115,12 +115,12 @@ impl Method for Doubling {
                 (self.block, error) = (k, here);
             }
             self.error_of_positions = self.error_of_positions.max(x);
-            self.errors[k] = v * system.masses()[k];
+            self.errors[k] = v;
         }
         Ok(Some(self.estimate(error)))
     }
 
-    /// The same with errors of velocities that the springs have answered.
+    /// The same with vibrations damped in the errors of velocities.
     fn second_estimate(
         &mut self,
         system: &System,
@@ -128,8 +128,9 @@ impl Method for Doubling {
         work: &mut Work,
     ) -> Option<ErrorEstimate> {
         let h = self.step_size;
-        let answered = self.method.answer(system, state, h, &mut self.errors, work);
-        answered.then(|| self.estimate(self.error_of_positions + h * largest(&self.errors).1))
+        let errors = &mut self.errors;
+        let is_damped = self.method.damp_vibrations(system, state, h, errors, work);
+        is_damped.then(|| self.estimate(self.error_of_positions + h * largest(&self.errors).1))
     }
 
     fn visit(&mut self, state: &mut HiddenState) {

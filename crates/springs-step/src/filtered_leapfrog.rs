@@ -2,6 +2,7 @@
 
 use crate::flows::Impulses;
 use crate::linear::{Hessian, LinearSystem, Linearized, OnDemand, Purpose};
+use crate::stage::Stage;
 use crate::{
     Anchors, ErrorEstimate, Flows, HiddenState, Interval, Method, MethodError, State, Work,
 };
@@ -23,6 +24,8 @@ use springs_assembly::{Evaluation, ForceEmitter as _, Projection, System, Weight
 /// the step must not shrink on the way: what it held is then let go.
 pub struct FilteredLeapfrog {
     linear: LinearSystem,
+    /// Where there are massless nodes, which start in balance.
+    start: Option<Stage>,
     accelerations: Vec<Vector3<f64>>,
     /// Those at the end of the step; zero for fixed blocks.
     next_accelerations: Vec<Vector3<f64>>,
@@ -49,6 +52,11 @@ impl FilteredLeapfrog {
         let zeros = vec![Vector3::zeros(); system.numbering().n_nodes()];
         Ok(Self {
             linear: LinearSystem::new(system, Hessian::Altered)?,
+            start: if system.masses().contains(&0.0) {
+                Some(Stage::new(system)?)
+            } else {
+                None
+            },
             accelerations: zeros.clone(),
             next_accelerations: zeros,
             tensions: vec![0.0; system.springs().len()],
@@ -141,6 +149,9 @@ impl Method for FilteredLeapfrog {
         let h = interval.size;
         // Accelerations filtered for another step would excite vibrations.
         if self.filtered_for != h {
+            if let Some(start) = &mut self.start {
+                start.settle_massless(system, h, state, work)?;
+            }
             system.springs().tensions(&state.x, &mut self.next_tensions);
             self.accelerate(system, state, h, 0.0, work)?;
             self.accept();
@@ -173,6 +184,9 @@ impl Method for FilteredLeapfrog {
 
     fn visit(&mut self, state: &mut HiddenState) {
         self.linear.visit(state);
+        if let Some(start) = &mut self.start {
+            start.visit(state);
+        }
         state.real(&mut self.filtered_for);
         state.real(&mut self.anchor_power);
         state.vectors(&mut self.accelerations);

@@ -1,6 +1,7 @@
 //! Implicit Euler, converged.
 
 use crate::flows::Impulses;
+use crate::linear::Damping;
 use crate::stage::{Stage, StageProblem, Tensions, momenta_of};
 use crate::{
     Anchors, ErrorEstimate, Flows, HiddenState, Interval, Method, MethodError, State, Work,
@@ -79,7 +80,7 @@ impl Method for ImplicitEuler {
         Ok(None)
     }
 
-    fn answer(
+    fn damp_vibrations(
         &mut self,
         system: &System,
         state: &State,
@@ -87,9 +88,13 @@ impl Method for ImplicitEuler {
         errors: &mut [Vector3<f64>],
         work: &mut Work,
     ) -> bool {
-        let tensions = &self.tensions.end;
+        let damping = Damping {
+            tensions: Some(&self.tensions.end),
+            time_scale,
+            passes: 1,
+        };
         self.stage
-            .answer(system, state, tensions, time_scale, errors, work)
+            .damp_vibrations(system, state, damping, [errors], work)
     }
 
     fn visit(&mut self, state: &mut HiddenState) {

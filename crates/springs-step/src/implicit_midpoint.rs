@@ -22,6 +22,7 @@ pub struct ImplicitMidpoint {
     tensions: Tensions,
     impulses: Impulses,
     flows: Flows,
+    is_started: bool,
 }
 
 impl ImplicitMidpoint {
@@ -38,6 +39,7 @@ impl ImplicitMidpoint {
             tensions: Tensions::new(system),
             impulses: Impulses::new(system),
             flows: Flows::default(),
+            is_started: false,
         })
     }
 }
@@ -53,6 +55,7 @@ impl Method for ImplicitMidpoint {
 
     fn restart(&mut self) {
         self.tensions.forget();
+        self.is_started = false;
     }
 
     fn step(
@@ -63,6 +66,10 @@ impl Method for ImplicitMidpoint {
         state: &mut State,
         work: &mut Work,
     ) -> Result<Option<ErrorEstimate>, MethodError> {
+        if !self.is_started {
+            let h = interval.size;
+            self.stage.settle_massless(system, h, state, work)?;
+        }
         self.tensions.begin(system, &state.x);
         self.before.x.copy_from_slice(&state.x);
         self.before.v.copy_from_slice(&state.v);
@@ -91,10 +98,12 @@ impl Method for ImplicitMidpoint {
     fn visit(&mut self, state: &mut HiddenState) {
         self.stage.visit(state);
         self.tensions.visit(state);
+        state.flag(&mut self.is_started);
     }
 
     fn accept(&mut self) {
         self.tensions.accept();
+        self.is_started = true;
     }
 
     fn flows(&self) -> Option<Flows> {

@@ -13,6 +13,8 @@ pub(crate) enum Between {
     Polynomial {
         /// Order of the method.
         order: u32,
+        /// From this step size on, in s, it is a straight line.
+        straight_from: f64,
     },
     /// By a step of the method to where the state is wanted, with an instance
     /// of its own so that the steps themselves are not disturbed.
@@ -27,6 +29,12 @@ pub(crate) enum Between {
 /// Methods of at least this order need more than a polynomial between steps.
 const HIGH_ORDER: u32 = 4;
 
+/// Methods that do not damp unresolved vibrations keep velocities of them, which
+/// would carry a cubic polynomial far off between two steps. From this product of
+/// step size and frequency bound on a straight line, of order 2 too, takes its
+/// place.
+const LONGEST_CURVE: f64 = 2.0;
+
 impl Between {
     /// What suits a method; of high order, another instance of it is built.
     pub(crate) fn of(
@@ -35,7 +43,14 @@ impl Between {
         system: &System,
     ) -> Result<Self, SetupError> {
         Ok(match method.order() {
-            order if order < HIGH_ORDER => Self::Polynomial { order },
+            order if order < HIGH_ORDER => Self::Polynomial {
+                order,
+                straight_from: if choice.wants_equal_steps() {
+                    LONGEST_CURVE / system.frequency_bound()
+                } else {
+                    f64::INFINITY
+                },
+            },
             _ => Self::Substep {
                 method: choice.build(system)?,
                 state: State::initial(system),
@@ -59,9 +74,14 @@ impl Between {
         out: &mut NodeStates,
     ) -> Result<(), MethodError> {
         match self {
-            Self::Polynomial { order } => {
+            Self::Polynomial {
+                order,
+                straight_from,
+            } => {
                 let fraction = (time - interval.start) / (interval.end - interval.start);
-                interpolate(*order, before, after, interval.size, fraction, out);
+                let is_straight = *straight_from > 0.0 && interval.size >= *straight_from;
+                let order = if is_straight { 1 } else { *order };
+                interpolate(order, before, after, interval.size, fraction, out);
                 Ok(())
             }
             Self::Substep { method, state } => {

@@ -7,7 +7,7 @@ use crate::{HiddenState, MethodError, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::{Evaluation, Linearization, Motion, Projection, System, Weights};
 use springs_scene::{Solution, Tangent};
-use springs_solver::{Options, Price, Route, SolveError, Solver, Subspace};
+use springs_solver::{Experience, Options, Price, Route, SolveError, Solver, Subspace};
 
 /// Forces and matrix of a method at one state, and the solver of their systems.
 pub(crate) struct LinearSystem {
@@ -30,6 +30,8 @@ pub(crate) struct LinearSystem {
     /// Tensions that give some of the parts a clamped matrix.
     tensions: Vec<f64>,
     setup: Work,
+    /// What the solver has learned of the matrices of estimates.
+    of_estimates: Experience,
 }
 
 /// What is left of a matrix, where it does not need to be assembled as asked.
@@ -219,8 +221,10 @@ impl LinearSystem {
     pub(crate) fn new(system: &System, hessian: Hessian) -> Result<Self, SolveError> {
         let mut setup = Work::default();
         setup.counts.symbolic_factorizations += 1;
+        let mut solver = checked_solver(system, hessian, Steps::Equal)?;
         Ok(Self {
-            solver: checked_solver(system, hessian, Steps::Equal)?,
+            of_estimates: *solver.experience(),
+            solver,
             hessian,
             components: Components::new(system, hessian),
             out: system.linearization(),
@@ -251,10 +255,12 @@ impl LinearSystem {
     /// What its solver has learned; the matrix itself is made anew.
     pub(crate) fn visit(&mut self, state: &mut HiddenState) {
         let experience = self.solver.experience();
-        state.real(&mut experience.iterations);
-        state.flag(&mut experience.is_iterative);
-        state.count(&mut experience.pause);
-        state.count(&mut experience.next_pause);
+        for experience in [experience, &mut self.of_estimates] {
+            state.real(&mut experience.iterations);
+            state.flag(&mut experience.is_iterative);
+            state.count(&mut experience.pause);
+            state.count(&mut experience.next_pause);
+        }
         if state.is_loading() {
             self.weights = None;
         }
@@ -502,16 +508,20 @@ impl LinearSystem {
         done.map_err(MethodError::of)
     }
 
-    /// What a method with a matrix does for [`crate::Method::answer`], where S
-    /// is the Hessian with its across stiffness from the given tensions,
-    /// clamped. The matrix takes the place of the last one.
-    pub(crate) fn answer(
+    /// What a method with a matrix does for [`crate::Method::damp_vibrations`],
+    /// `passes` times, for several lists of errors with one matrix; S is the
+    /// Hessian with its across stiffness from the given tensions, clamped. The
+    /// matrix takes the place of the last one.
+    pub(crate) fn damp_vibrations<const N: usize>(
         &mut self,
         system: &System,
         state: &State,
-        tensions: Option<&[f64]>,
-        time_scale: f64,
-        errors: &mut [Vector3<f64>],
+        Damping {
+            tensions,
+            time_scale,
+            passes,
+        }: Damping<'_>,
+        errors: [&mut [Vector3<f64>]; N],
         work: &mut Work,
     ) -> bool {
         let at = Evaluation {
@@ -522,15 +532,36 @@ impl LinearSystem {
             dashpot_tension: false,
             weights: Weights::of_step(time_scale),
         };
-        self.linearize(system, at, work)
-            .and_then(|()| self.solve(errors, Purpose::Estimate, work))
-            .is_ok()
+        // These matrices are stiffer than those of steps, and say nothing about
+        // them.
+        std::mem::swap(self.solver.experience(), &mut self.of_estimates);
+        let mut done = self.linearize(system, at, work);
+        for errors in errors {
+            for _ in 0..passes {
+                let of_masses = errors.iter_mut().zip(system.masses());
+                of_masses.for_each(|(error, mass)| *error *= *mass);
+                done = done.and_then(|()| self.solve(errors, Purpose::Estimate, work));
+            }
+        }
+        std::mem::swap(self.solver.experience(), &mut self.of_estimates);
+        done.is_ok()
     }
 }
 
 fn count(counts: CheckCounts, work: &mut Work) {
     work.counts.symbolic_factorizations += counts.symbolic_factorizations;
     work.counts.factorizations += counts.factorizations;
+}
+
+/// How vibrations are damped in errors of velocities.
+#[derive(Clone, Copy)]
+pub(crate) struct Damping<'a> {
+    /// Tensions that the across stiffness is taken from, if not the present ones.
+    pub(crate) tensions: Option<&'a [f64]>,
+    /// τ, in s.
+    pub(crate) time_scale: f64,
+    /// How many times.
+    pub(crate) passes: usize,
 }
 
 /// Vectors as plain numbers.

@@ -2,7 +2,7 @@
 
 use crate::flows::Impulses;
 use crate::frame::MovingFrame;
-use crate::linear::{Hessian, LinearSystem, Linearized, OnDemand, Purpose};
+use crate::linear::{Damping, Hessian, LinearSystem, Linearized, OnDemand, Purpose};
 use crate::{
     Anchors, ErrorEstimate, Flows, HiddenState, Interval, Method, MethodError, State, Work,
 };
@@ -185,7 +185,7 @@ impl Method for LinearlyImplicitEuler {
         Ok(None)
     }
 
-    fn answer(
+    fn damp_vibrations(
         &mut self,
         system: &System,
         state: &State,
@@ -193,8 +193,13 @@ impl Method for LinearlyImplicitEuler {
         errors: &mut [Vector3<f64>],
         work: &mut Work,
     ) -> bool {
+        let damping = Damping {
+            tensions: None,
+            time_scale,
+            passes: 1,
+        };
         self.linear
-            .answer(system, state, None, time_scale, errors, work)
+            .damp_vibrations(system, state, damping, [errors], work)
     }
 
     fn visit(&mut self, state: &mut HiddenState) {

@@ -88,11 +88,11 @@ pub trait Method: Send {
         work: &mut Work,
     ) -> Result<Option<ErrorEstimate>, MethodError>;
 
-    /// For methods with a matrix: replaces errors of momenta e, in kg·m/s, by
-    /// what the springs leave of them after a time `time_scale` = τ in s, as
-    /// velocities (M + τ²S)⁻¹e, and says that it did. Errors of fast vibrations
-    /// become small, however long they ring.
-    fn answer(
+    /// For methods with a matrix: replaces errors of velocities e, in m/s, by
+    /// what the springs and dashpots leave of them after a time `time_scale` = τ
+    /// in s, (M + τD + τ²S)⁻¹M e, and says that it did. Errors of vibrations faster
+    /// than τ become small, however long they ring.
+    fn damp_vibrations(
         &mut self,
         _system: &System,
         _state: &State,
@@ -133,11 +133,26 @@ pub trait Method: Send {
 
 /// The time, in s, over which an error of velocities grows into one of
 /// positions: the one in which the motion itself changes, speed/acceleration,
-/// but no less than a step and no more than [`LONGEST_TIME_SCALE`].
+/// but no less than a step and no more than [`LONGEST_TIME_SCALE`]. `speed` is a
+/// [`spread`], so that it is the same in every frame of reference.
 pub(crate) fn time_scale(speed: f64, acceleration: f64, h: f64) -> f64 {
     let changing = speed / acceleration.max(f64::MIN_POSITIVE);
     changing.clamp(h, LONGEST_TIME_SCALE * h)
 }
 
 /// In steps.
-pub(crate) const LONGEST_TIME_SCALE: f64 = 1e3;
+const LONGEST_TIME_SCALE: f64 = 1e3;
+
+/// How far the components of velocities are apart: the largest difference of two
+/// blocks, fixed ones included, along an axis. A common velocity adds nothing.
+pub(crate) fn spread(velocities: &[Vector3<f64>]) -> f64 {
+    let Some(first) = velocities.first() else {
+        return 0.0;
+    };
+    let (mut least, mut most) = (*first, *first);
+    for v in velocities {
+        least = least.inf(v);
+        most = most.sup(v);
+    }
+    (most - least).amax()
+}

@@ -22,7 +22,7 @@ impl std::fmt::Display for EqualSteps {
     }
 }
 
-/// The coarsest trial run.
+/// Steps of the coarsest trial run, and times at which runs are compared.
 const FEWEST: u64 = 8;
 /// Where errors fall as the order says, predictions are trusted this much
 /// further.
@@ -33,10 +33,15 @@ const MARGIN: f64 = 1.5;
 const REGULAR: f64 = 2.0;
 
 /// Finds the number of equal steps from whole runs with 8, 16, 32, … of them,
-/// by Richardson's estimate of the error at the end (Hairer, Nørsett, Wanner:
-/// Solving Ordinary Differential Equations I, 1993, II.4). For methods that
-/// must not change their step on the way. Trial runs end where their number of
-/// steps is a quarter of those needed, so they cost at most half of the run.
+/// by Richardson's estimate of the error (Hairer, Nørsett, Wanner: Solving
+/// Ordinary Differential Equations I, 1993, II.4). For methods that must not
+/// change their step on the way. Trial runs end where their number of steps is a
+/// quarter of those needed, so they cost at most half of the run.
+///
+/// Two runs may agree by accident: both miss a vibration, or their errors cross
+/// at the end. So runs are compared at eight times on the way, and an estimate is
+/// not trusted to be smaller than the one before by more than twice what the
+/// order says: three runs have to agree.
 ///
 /// `None` if that takes more than `affordable` steps in trial runs.
 pub(crate) fn equal_steps(
@@ -48,7 +53,7 @@ pub(crate) fn equal_steps(
 ) -> Option<EqualSteps> {
     let order = method.order() as i32;
     let gain = 2f64.powi(order);
-    let mut coarse: Option<Vec<Vector3<f64>>> = None;
+    let mut coarse: Option<Samples> = None;
     let mut coarse_error = f64::INFINITY;
     let (mut n, mut made) = (FEWEST, 0.0);
     loop {
@@ -61,11 +66,12 @@ pub(crate) fn equal_steps(
             (Some(coarse), Some(fine)) => distance(coarse, fine) / (gain - 1.0),
             _ => f64::INFINITY,
         };
-        // Not a number, too, is too large.
-        if error <= tolerance / MARGIN {
-            return Some(EqualSteps { n, error });
-        }
         let falls = coarse_error / error;
+        let trusted = error.max(coarse_error / (gain * REGULAR));
+        // Not a number, too, is too large.
+        if trusted <= tolerance / MARGIN {
+            return Some(EqualSteps { n, error: trusted });
+        }
         let is_regular = (gain / REGULAR..gain * REGULAR).contains(&falls);
         let needed = n as f64 * (MARGIN * error / tolerance).powf(1.0 / f64::from(order));
         if is_regular && needed <= TRUSTED * n as f64 {
@@ -79,17 +85,20 @@ pub(crate) fn equal_steps(
     }
 }
 
-/// Positions of the free blocks at the end of `n` equal steps; `None` if a step
-/// fails.
+/// Positions of the free blocks, in m, at equally spaced times.
+type Samples = Vec<Vec<Vector3<f64>>>;
+
+/// What comes of `n` equal steps; `None` if a step fails.
 fn run(
     (system, anchors): (&System, &Anchors),
     method: &mut dyn Method,
     duration: f64,
     n: u64,
     work: &mut Work,
-) -> Option<Vec<Vector3<f64>>> {
+) -> Option<Samples> {
     let plan = StepPlan::equal(duration, n);
     let mut state = State::initial(system);
+    let mut samples = Samples::new();
     method.restart();
     for step in 1..=n {
         let interval = Interval {
@@ -102,17 +111,21 @@ fn run(
             .ok()?;
         method.accept();
         state.time = interval.end;
+        if step.is_multiple_of(n / FEWEST) {
+            samples.push(state.x[..system.n_free()].to_vec());
+        }
     }
-    state.x.truncate(system.n_free());
-    Some(state.x)
+    Some(samples)
 }
 
-fn distance(a: &[Vector3<f64>], b: &[Vector3<f64>]) -> f64 {
-    let distances = a.iter().zip(b).map(|(a, b)| (a - b).norm());
+/// The largest distance of a node from itself, at any of the times.
+fn distance(a: &Samples, b: &Samples) -> f64 {
+    let pairs = a.iter().flatten().zip(b.iter().flatten());
     // `f64::max` would lose what is not a number.
-    distances.fold(0.0, |largest, d| {
-        if d > largest || d.is_nan() {
-            d
+    pairs.fold(0.0, |largest, (a, b)| {
+        let distance = (a - b).norm();
+        if distance > largest || distance.is_nan() {
+            distance
         } else {
             largest
         }

@@ -1,7 +1,7 @@
 //! RODAS4: a Rosenbrock method of order 4.
 
 use crate::linear::{Hessian, LinearSystem, Purpose};
-use crate::method::time_scale;
+use crate::method::{spread, time_scale};
 use crate::stage::largest;
 use crate::work::timed;
 use crate::{
@@ -229,16 +229,16 @@ impl Method for Rodas4 {
         self.anchor_work = weighted(A[STAGES - 1], &works) + works[STAGES - 1];
         // The last stage was evaluated at the embedded result; its u leads on
         // to the result, and is the estimate of the error.
-        let (mut speed, mut change) = (0f64, 0f64);
+        let mut change: f64 = 0.0;
         for block in 0..n_free {
             let v = self.stage.v[block] + self.stages[STAGES - 1].v[block];
             change = change.max((v - state.v[block]).amax());
-            speed = speed.max(v.amax());
             state.x[block] = self.stage.x[block] + self.stages[STAGES - 1].x[block];
             state.v[block] = v;
         }
         anchors.place(interval.end, &mut state.x);
         let last = &self.stages[STAGES - 1];
+        let speed = spread(&state.v);
         let ((block, of_x), (_, of_v)) = (largest(&last.x), largest(&last.v));
         let estimate = ErrorEstimate {
             rate: (of_x + time_scale(speed, change / h, h) * of_v) / h,

@@ -1,7 +1,7 @@
 //! The time loop: steps, frames, report.
 
 use crate::auto::{Auto, Picked};
-use crate::choose::{Schedule, Start, start};
+use crate::choose::{Schedule, Start, keeps_its_step, start};
 use crate::controller::Verdict;
 use crate::interpolate::Between;
 use crate::{
@@ -151,6 +151,7 @@ impl Simulation {
         let start = Start::with_method(scene, &system, method(&system));
         let between = Between::Polynomial {
             order: start.method.order(),
+            straight_from: f64::INFINITY,
         };
         Ok(Self::starting(scene, system, start, between))
     }
@@ -161,6 +162,7 @@ impl Simulation {
         let nodes = NodeStates::of(scene);
         let mut work = stepper.method().setup();
         work += start.work;
+        let start_method = start.choice.method;
         Self {
             ledger: Ledger::open(stepper.system(), stepper.state()),
             duration,
@@ -172,7 +174,7 @@ impl Simulation {
             work,
             stepper,
             shown: None,
-            rescue_is_allowed: scene.settings.rescue,
+            rescue_is_allowed: scene.settings.rescue && !keeps_its_step(start_method),
             most_energy: 0.0,
             last: None,
             before: nodes.clone(),

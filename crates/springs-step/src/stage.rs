@@ -1,6 +1,7 @@
 //! The implicit stage that all converged methods share, and its Newton solver.
 
-use crate::linear::{Hessian, LinearSystem, Linearized, OnDemand, Purpose};
+use crate::linear::{Damping, Hessian, LinearSystem, Linearized, OnDemand, Purpose};
+use crate::method::spread;
 use crate::{HiddenState, MethodError, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::{Evaluation, ForceEmitter as _, Projection, System, Weights};
@@ -24,6 +25,8 @@ pub(crate) struct Stage {
     trial: State,
     tensions: Vec<f64>,
     frequency_bound: f64,
+    /// Of springs with a free end, at the start of the stage, in m.
+    largest_coordinate: f64,
 }
 
 /// What kind of correction is wanted.
@@ -37,26 +40,44 @@ enum Iteration {
     Clamped,
 }
 
+/// What came of a descent.
+enum Descent {
+    Converged,
+    /// The merit is lower than before.
+    Progress,
+    Stuck,
+}
+
 /// What a stage starts from. Positions of fixed blocks are those at its time.
 pub(crate) struct StageProblem<'a> {
     /// c, in s.
     pub(crate) c: f64,
     /// p, one per free block, in kg·m/s.
     pub(crate) momenta: &'a [Vector3<f64>],
-    /// Corrections of velocities, in m/s, that need not be made; `None`: right
-    /// to rounding.
+    /// Error of velocities, in m/s, that may be left; `None`: right to rounding.
     pub(crate) accuracy: Option<f64>,
 }
 
+/// Forces on massless nodes below this part of the largest are in balance.
+const BALANCED: f64 = 1e-9;
+/// Part of a step that is as good as no time, and one in which velocities hardly
+/// change but can be told from positions.
+const NO_TIME: f64 = 1e-8;
+const SHORT_TIME: f64 = 1e-3;
+
 const FILTERED_ITERATIONS: usize = 12;
 const PRIMAL_ITERATIONS: usize = 24;
-/// Rounds of both.
+/// Rounds of both, if each makes progress; fewer where a shorter step can be
+/// made instead.
 const ROUNDS: usize = 40;
+const ROUNDS_OF_ADAPTIVE_STEPS: usize = 2;
 const MOST_HALVINGS: usize = 30;
 /// Relative accuracy that a stage is solved to, if rounding allows.
 const WANTED: f64 = 1e-13;
 /// Corrections may stop shrinking when they are this many times larger.
 const ACCEPTABLE: f64 = 1e3;
+/// Rounding errors of sums of a few numbers, relative to them.
+const ULPS: f64 = 8.0 * f64::EPSILON;
 /// Armijo's constant.
 const SUFFICIENT: f64 = 1e-4;
 
@@ -69,6 +90,7 @@ impl Stage {
             trial: State::initial(system),
             tensions: vec![0.0; system.springs().len()],
             frequency_bound: system.frequency_bound(),
+            largest_coordinate: 0.0,
         })
     }
 
@@ -89,7 +111,13 @@ impl Stage {
             state.x[block] += v * c;
         }
         self.tensions.copy_from_slice(tensions);
-        for _ in 0..ROUNDS {
+        self.largest_coordinate = system.springs().largest_coordinate(&state.x);
+        let rounds = if problem.accuracy.is_some() {
+            ROUNDS_OF_ADAPTIVE_STEPS
+        } else {
+            ROUNDS
+        };
+        for _ in 0..rounds {
             self.start.x.copy_from_slice(&state.x);
             self.start.v.copy_from_slice(&state.v);
             if self.filtered(system, problem, state, work) {
@@ -99,11 +127,15 @@ impl Stage {
             // Back to where the merit is known to be lower than at first.
             state.x.copy_from_slice(&self.start.x);
             state.v.copy_from_slice(&self.start.v);
-            let converged = self.descend(system, problem, state, work)?;
+            let descent = self.descend(system, problem, state, work)?;
             system.springs().tensions(&state.x, &mut self.tensions);
-            if converged {
-                tensions.copy_from_slice(&self.tensions);
-                return Ok(());
+            match descent {
+                Descent::Converged => {
+                    tensions.copy_from_slice(&self.tensions);
+                    return Ok(());
+                }
+                Descent::Progress => {}
+                Descent::Stuck => break,
             }
         }
         Err(MethodError::NotConverged {
@@ -137,16 +169,17 @@ impl Stage {
         false
     }
 
-    /// Newton on the velocities with Armijo's rule; says whether it converged.
+    /// Newton on the velocities with Armijo's rule.
     fn descend(
         &mut self,
         system: &System,
         problem: &StageProblem<'_>,
         state: &mut State,
         work: &mut Work,
-    ) -> Result<bool, MethodError> {
+    ) -> Result<Descent, MethodError> {
         let c = problem.c;
         let mut last = f64::INFINITY;
+        let first = self.merit(system, problem, state, state).0;
         for iteration in 0..PRIMAL_ITERATIONS {
             let kind = match iteration < PRIMAL_ITERATIONS / 2 {
                 true => Iteration::Primal,
@@ -156,7 +189,7 @@ impl Stage {
             let size = self.delta_size(system);
             if self.is_enough(system, problem, state, size, last) {
                 self.advance(system, state, c, 1.0);
-                return Ok(true);
+                return Ok(Descent::Converged);
             }
             last = size;
             // The slope of the merit function along the correction is −slope.
@@ -178,7 +211,12 @@ impl Stage {
             }
             self.advance(system, state, c, fraction);
         }
-        Ok(false)
+        let (merit, rounding) = self.merit(system, problem, state, state);
+        Ok(if merit < first - rounding {
+            Descent::Progress
+        } else {
+            Descent::Stuck
+        })
     }
 
     /// Linearizes at `state` and solves for the correction; returns its product
@@ -275,18 +313,93 @@ impl Stage {
         self.linear.solve(momenta, Purpose::Estimate, work)
     }
 
-    /// [`LinearSystem::answer`] with the system of the stage.
-    pub(crate) fn answer(
+    /// (M + cD) y into `products`.
+    pub(crate) fn multiply_inertia(
+        &self,
+        system: &System,
+        state: &State,
+        c: f64,
+        y: &[Vector3<f64>],
+        products: &mut [Vector3<f64>],
+    ) {
+        momenta_of(system, y, products);
+        if !system.dashpots().is_empty() {
+            let at = Evaluation {
+                x: &state.x,
+                v: &state.v,
+                projection: Projection::None,
+                tensions: None,
+                dashpot_tension: false,
+                weights: Weights {
+                    mass: 0.0,
+                    damping: c,
+                    stiffness: 0.0,
+                },
+            };
+            system.dashpots().add_products(&at, y, products);
+        }
+    }
+
+    /// Lets free nodes without mass go where their springs are in balance, which
+    /// takes no time, and gives them the velocities with which they stay so; all
+    /// others stay as they are. `h` is the step that follows, in s.
+    ///
+    /// A method that starts from forces out of balance would be of order 1, or
+    /// carry the imbalance along.
+    pub(crate) fn settle_massless(
+        &mut self,
+        system: &System,
+        h: f64,
+        state: &mut State,
+        work: &mut Work,
+    ) -> Result<(), MethodError> {
+        if !system.masses().contains(&0.0) {
+            return Ok(());
+        }
+        let is_massless = |block: &usize| system.masses()[*block] == 0.0;
+        let massless: Vec<usize> = (0..system.n_free()).filter(is_massless).collect();
+        let mut momenta = vec![Vector3::zeros(); system.n_free()];
+        system.forces(&state.x, &state.v, &mut momenta);
+        work.counts.force_evaluations += 1;
+        let forces = massless.iter().map(|&block| momenta[block].amax());
+        if forces.fold(0.0, f64::max) <= BALANCED * largest(&momenta).1 {
+            return Ok(());
+        }
+        momenta_of(system, &state.v, &mut momenta);
+        let mut tensions = vec![0.0; system.springs().len()];
+        system.springs().tensions(&state.x, &mut tensions);
+        let mut solve = |part: f64, state: &State| {
+            let mut solved = state.clone();
+            let problem = StageProblem {
+                c: part * h,
+                momenta: &momenta,
+                accuracy: None,
+            };
+            self.solve(system, &problem, &mut solved, &mut tensions, work)
+                .map(|()| solved)
+        };
+        let settled = solve(NO_TIME, state)?;
+        for &block in &massless {
+            state.x[block] = settled.x[block];
+        }
+        let moving = solve(SHORT_TIME, state)?;
+        for &block in &massless {
+            state.v[block] = moving.v[block];
+        }
+        Ok(())
+    }
+
+    /// [`LinearSystem::damp_vibrations`] with the system of the stage.
+    pub(crate) fn damp_vibrations<const N: usize>(
         &mut self,
         system: &System,
         state: &State,
-        tensions: &[f64],
-        time_scale: f64,
-        errors: &mut [Vector3<f64>],
+        damping: Damping<'_>,
+        errors: [&mut [Vector3<f64>]; N],
         work: &mut Work,
     ) -> bool {
         self.linear
-            .answer(system, state, Some(tensions), time_scale, errors, work)
+            .damp_vibrations(system, state, damping, errors, work)
     }
 
     fn delta_size(&self, system: &System) -> f64 {
@@ -302,21 +415,33 @@ impl Stage {
         size: f64,
         last: f64,
     ) -> bool {
-        let enough = self.enough(problem, state, system);
-        size <= enough || (size <= ACCEPTABLE * enough && size >= 0.1 * last)
+        let rounding = self.rounding(system, problem, state);
+        let is_at_rounding =
+            size <= rounding || (size <= ACCEPTABLE * rounding && size >= 0.1 * last);
+        // What is left after a correction, if the next ones fall off as this one
+        // did (Hairer and Wanner: Solving Ordinary Differential Equations II,
+        // 1996, IV.8).
+        let contraction = size / last;
+        let left = if last.is_infinite() {
+            size
+        } else if contraction < 1.0 {
+            size * contraction / (1.0 - contraction)
+        } else {
+            f64::INFINITY
+        };
+        is_at_rounding || problem.accuracy.is_some_and(|accuracy| left <= accuracy)
     }
 
     /// The correction, in m/s, from which on the stage is right to rounding:
     /// relative to the velocities, or to what rounding of the positions does to
-    /// them through the springs. Free of units.
-    fn enough(&self, problem: &StageProblem<'_>, state: &State, system: &System) -> f64 {
-        let speed = largest(&state.v[..system.n_free()]).1;
+    /// them through the springs. Free of units, and but for rounding itself the
+    /// same in every frame of reference.
+    fn rounding(&self, system: &System, problem: &StageProblem<'_>, state: &State) -> f64 {
+        let free = &state.v[..system.n_free()];
+        let of_velocities = WANTED * spread(&state.v) + ULPS * largest(free).1;
         let c = problem.c;
         let rate = (c * self.frequency_bound * self.frequency_bound).min(1.0 / c);
-        let rounding = WANTED * speed + 8.0 * f64::EPSILON * largest(&state.x).1 * rate;
-        problem
-            .accuracy
-            .map_or(rounding, |accuracy| rounding.max(accuracy))
+        of_velocities + ULPS * self.largest_coordinate * rate
     }
 
     /// ½ vᵀM v − pᵀv + V(x) + ½c·(dissipation with the directions of `at`),
@@ -328,12 +453,13 @@ impl Stage {
         state: &State,
         at: &State,
     ) -> (f64, f64) {
-        let energy = system.energy(&state.x, &state.v);
+        let (kinetic, gravity) = system.kinetic_and_gravity_energy(&state.x, &state.v);
+        let elastic = system.springs().energy_on_free_blocks(&state.x);
         let free = problem.momenta.iter().zip(&state.v);
         let carried: f64 = free.map(|(p, v)| p.dot(v)).sum();
         let heat = 0.5 * problem.c * system.dashpots().dissipation(&at.x, &state.v);
-        let size = energy.kinetic + energy.elastic + energy.gravity.abs() + carried.abs() + heat;
-        (energy.total() - carried + heat, 1e-13 * size)
+        let size = kinetic + elastic + gravity.abs() + carried.abs() + heat;
+        (kinetic + elastic + gravity - carried + heat, 1e-13 * size)
     }
 }
 

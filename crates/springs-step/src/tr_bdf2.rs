@@ -1,7 +1,7 @@
 //! TR-BDF2: a trapezoidal stage, then a backward difference stage.
 
 use crate::flows::Impulses;
-use crate::method::{LONGEST_TIME_SCALE, time_scale};
+use crate::linear::Damping;
 use crate::stage::{Stage, StageProblem, Tensions, largest};
 use crate::{
     Anchors, ErrorEstimate, Flows, HiddenState, Interval, Method, MethodError, State, Work,
@@ -22,6 +22,38 @@ const K: f64 = (-3.0 * GAMMA * GAMMA + 4.0 * GAMMA - 2.0) / (12.0 * (2.0 - GAMMA
 ///
 /// Order 2, L-stable: the general choice for stiff scenes. Vibrations that the
 /// step does not resolve are damped out. Both stages are solved.
+///
+/// # Error of a step
+///
+/// The local errors of a step are e_x = 2Kh·δ(v) and e_v = 2Kh·δ(a), with
+/// δ(y) = y₀/γ − y_γ/(γ(1−γ)) + y₁/(1−γ). They do not change with the frame of
+/// reference, because the weights of δ add up to zero. As usual for stiff
+/// systems they pass once through (1 − cJ)⁻¹ with c = γh/2, the matrix of the
+/// stages:
+///
+///   z_x = (M + cD + c²S)⁻¹ ((M + cD) e_x + cM e_v),   z_v = (z_x − e_x)/c.
+///
+/// An error z_x of positions stays. An error z_v of velocities moves positions
+/// by no more than z_v/ω in a vibration of frequency ω, and by no more than
+/// T z_v in the time T that is left. Both are met by solving once with the
+/// springs as they are,
+///
+///   w = (M + TD + T²S)⁻¹ T²M z_v,
+///
+/// which is z_v·min(1/ω², T²) for each vibration up to a factor 2: by the
+/// inequality of Cauchy and Schwarz √(‖z_v‖·‖w‖) is not below the sum of what
+/// the vibrations move. The two are a quarter of a period apart, so a step adds
+/// (‖z_x‖² + ‖z_v‖·‖w‖)^½ to the error of positions, which is no more than
+/// ‖z_x‖ + T‖z_v‖: only if that is too large the system is solved.
+///
+/// Errors of a fast vibration of amplitude A do not add up without end: it is
+/// never further than 2A from where it should be. Its error in a step is
+/// z_v = |K|h³ω⁴A, so its share of that bound is z_v/ω times
+/// 2/(|K|h²Tω³) = (τω)⁻³ with τ³ = ½|K|h²T, where that is below 1. Vibrations
+/// with τω > 1 are therefore damped in z_x, z_v and w, twice with
+/// (M + τD + τ²S)⁻¹M: a factor (1 + τ²ω²)⁻² in place of min(1, (τω)⁻³). Without
+/// that, a step that has once become short enough for vibrations too small to
+/// matter would stay so.
 pub struct TrBdf2 {
     stage: Stage,
     momenta: Vec<Vector3<f64>>,
@@ -29,15 +61,16 @@ pub struct TrBdf2 {
     middle: State,
     /// Forces at start, middle and end of the step, in N.
     forces: [Vec<Vector3<f64>>; 3],
-    forces_are_known: bool,
+    /// Whether those at the start are known.
+    is_started: bool,
     tensions: Tensions,
-    /// Rate of errors of positions, in m/s, up to which stages need not be
-    /// solved; `None`: to rounding.
-    accuracy: Option<f64>,
-    /// Errors of the last step as momenta, its size and the time scale of the
-    /// motion.
+    goal: Option<Goal>,
+    frequency_bound: f64,
+    /// z_v of the last step, in m/s, and w/T².
     errors: Vec<Vector3<f64>>,
-    step_size: f64,
+    moved: Vec<Vector3<f64>>,
+    last: LastErrors,
+    /// √(‖w‖/‖z_v‖), in s: for how long an error of velocities moves positions.
     time_scale: f64,
     impulses: Impulses,
     flows: Flows,
@@ -46,12 +79,46 @@ pub struct TrBdf2 {
 /// The weight of the forces at start and middle in a step; that of the end is
 /// [`D`].
 const START_AND_MIDDLE: f64 = 0.25 * std::f64::consts::SQRT_2;
+/// What errors are held against.
+#[derive(Clone, Copy)]
+struct Goal {
+    /// Rate, in m/s, at which stages may add to the error of positions.
+    stage_rate: f64,
+    /// Simulated time at the end, in s.
+    duration: f64,
+}
+
+/// Sizes of the errors of a step.
+#[derive(Clone, Copy, Default)]
+struct LastErrors {
+    step_size: f64,
+    /// T, in s.
+    left: f64,
+    /// ‖z_x‖, in m, and ‖z_v‖, in m/s.
+    positions: f64,
+    velocities: f64,
+}
+
+/// τ³/(|K|h²T).
+const SATURATION: f64 = 0.5;
 
 /// The error per time is proportional to h².
 const EXPONENT: f64 = 2.0;
 
+/// In steps, the longest time T over which an error of velocities is taken to
+/// move positions. Without a bound a step over a jump of the force would be
+/// refused whatever its size.
+const LONGEST_TIME: f64 = 1e4;
+
+/// The same when it is decided how precisely stages are solved.
+const LONGEST_TIME_SCALE: f64 = 1e3;
+
+/// The part of the tolerance that stages may be off by.
+const STAGE_ACCURACY: f64 = 0.03;
+
 impl TrBdf2 {
-    /// Allocates the workspace and factorizes symbolically.
+    /// Allocates the workspace and factorizes symbolically. For steps of fixed
+    /// size: stages are solved to rounding, and errors are not estimated.
     ///
     /// # Errors
     ///
@@ -64,22 +131,28 @@ impl TrBdf2 {
             before: State::initial(system),
             middle: State::initial(system),
             errors: zeros.clone(),
-            step_size: 0.0,
+            moved: zeros.clone(),
+            last: LastErrors::default(),
             time_scale: 0.0,
             forces: [zeros.clone(), zeros.clone(), zeros],
-            forces_are_known: false,
+            is_started: false,
             tensions: Tensions::new(system),
             impulses: Impulses::new(system),
             flows: Flows::default(),
-            accuracy: None,
+            goal: None,
+            frequency_bound: system.frequency_bound(),
         })
     }
 
-    /// Solves the stages only as accurately as needed instead of to rounding:
-    /// they may add to the error of positions at the rate `accuracy`, in m/s.
-    pub fn with_accuracy(self, accuracy: f64) -> Self {
+    /// The same for steps that are chosen from the error: each estimates what it
+    /// adds to the error of positions at the end of `duration`, in s, and its
+    /// stages are solved only as accurately as `tolerance`, in m, needs.
+    pub fn with_tolerance(self, tolerance: f64, duration: f64) -> Self {
         Self {
-            accuracy: Some(accuracy),
+            goal: Some(Goal {
+                stage_rate: STAGE_ACCURACY * tolerance / duration,
+                duration,
+            }),
             ..self
         }
     }
@@ -99,13 +172,61 @@ impl TrBdf2 {
         let problem = StageProblem {
             c,
             momenta: &self.momenta,
-            accuracy: self.accuracy.map(|rate| rate * h / time_scale),
+            accuracy: self.goal.map(|goal| goal.stage_rate * h / time_scale),
         };
         self.stage
             .solve(system, &problem, state, &mut self.tensions.end, work)?;
         let momenta = system.masses().iter().zip(&state.v).zip(&self.momenta);
         for (f, ((m, v), p)) in self.forces[force].iter_mut().zip(momenta) {
             *f = (v * *m - p) / c;
+        }
+        Ok(())
+    }
+
+    /// z_x, into the momenta, and z_v, into the errors, of the step of size `h`
+    /// just made, which ended at `state`.
+    fn estimate(
+        &mut self,
+        system: &System,
+        state: &State,
+        h: f64,
+        work: &mut Work,
+    ) -> Result<(), MethodError> {
+        let c = D * h;
+        let weights = [
+            1.0 / GAMMA,
+            -1.0 / (GAMMA * (1.0 - GAMMA)),
+            1.0 / (1.0 - GAMMA),
+        ]
+        .map(|weight| 2.0 * K * h * weight);
+        let difference = |values: [&[Vector3<f64>]; 3], block: usize| {
+            let terms = values.iter().zip(weights);
+            terms.fold(Vector3::zeros(), |sum, (values, weight)| {
+                sum + values[block] * weight
+            })
+        };
+        let velocities = [&*self.before.v, &*self.middle.v, &*state.v];
+        for (block, error) in self.errors.iter_mut().enumerate() {
+            *error = difference(velocities, block);
+        }
+        self.stage
+            .multiply_inertia(system, state, c, &self.errors, &mut self.momenta);
+        let forces = self.forces.each_ref().map(Vec::as_slice);
+        let masses = system.masses();
+        for (block, sum) in self.momenta.iter_mut().enumerate() {
+            // Forces on what has no mass are rounding errors.
+            if masses[block] > 0.0 {
+                *sum += difference(forces, block) * c;
+            }
+        }
+        self.stage.filter(&mut self.momenta, work)?;
+        let known = self.momenta.iter().zip(masses);
+        for (error, (filtered, mass)) in self.errors.iter_mut().zip(known) {
+            *error = if *mass > 0.0 {
+                (filtered - *error) / c
+            } else {
+                Vector3::zeros()
+            };
         }
         Ok(())
     }
@@ -126,7 +247,7 @@ impl Method for TrBdf2 {
 
     fn restart(&mut self) {
         self.tensions.forget();
-        self.forces_are_known = false;
+        self.is_started = false;
     }
 
     fn step(
@@ -139,12 +260,12 @@ impl Method for TrBdf2 {
     ) -> Result<Option<ErrorEstimate>, MethodError> {
         let (h, n_free) = (interval.size, system.n_free());
         let c = D * h;
-        self.tensions.begin(system, &state.x);
-        if !self.forces_are_known {
+        if !self.is_started {
+            self.stage.settle_massless(system, h, state, work)?;
             system.forces(&state.x, &state.v, &mut self.forces[0]);
             work.counts.force_evaluations += 1;
-            self.forces_are_known = true;
         }
+        self.tensions.begin(system, &state.x);
         self.before.x.copy_from_slice(&state.x);
         self.before.v.copy_from_slice(&state.v);
         let weight = START_AND_MIDDLE * h;
@@ -177,50 +298,66 @@ impl Method for TrBdf2 {
         self.solve(system, c, state, 2, work)?;
         self.impulses.add(system, c, &state.x, &state.v);
         self.flows = self.impulses.flows(system, &state.v);
-
-        let [start, middle, end] = &self.forces;
-        let differences = start.iter().zip(middle).zip(end);
-        for (error, ((f0, fg), f1)) in self.momenta.iter_mut().zip(differences) {
-            let second = f0 / GAMMA - fg / (GAMMA * (1.0 - GAMMA)) + f1 / (1.0 - GAMMA);
-            *error = second * (2.0 * K * h);
-        }
-        self.errors.copy_from_slice(&self.momenta);
-        self.stage.filter(&mut self.momenta, work)?;
-        let (block, error) = largest(&self.momenta);
-        let speed = largest(&state.v[..n_free]).1;
-        let changes = state.v.iter().zip(&self.before.v).take(n_free);
-        let change = changes.map(|(after, before)| (after - before).amax());
-        self.step_size = h;
-        self.time_scale = time_scale(speed, change.fold(0.0, f64::max) / h, h);
+        let Some(goal) = self.goal else {
+            return Ok(None);
+        };
+        self.estimate(system, state, h, work)?;
+        let (block, positions) = largest(&self.momenta);
+        self.last = LastErrors {
+            step_size: h,
+            left: (goal.duration - interval.start).clamp(h, LONGEST_TIME * h),
+            positions,
+            velocities: largest(&self.errors).1,
+        };
         Ok(Some(ErrorEstimate {
-            rate: self.time_scale * error / h,
+            rate: (positions + self.last.left * self.last.velocities) / h,
             exponent: EXPONENT,
             block,
         }))
     }
 
-    /// What an error of velocities does to positions over the time scale of the
-    /// motion τ, with springs answering: τ(M + τhS)⁻¹M e instead of τ e.
-    ///
-    /// An error in a vibration of frequency ω moves positions by e/ω, not by
-    /// τ e, and adds up step by step as long as the step resolves the vibration,
-    /// hω < 1; the weight τ/(1 + τhω²) is at least that 1/ω there, and falls off
-    /// beyond, where L-stability damps.
+    /// With w and τ of the documentation of the type.
     fn second_estimate(
         &mut self,
         system: &System,
         state: &State,
         work: &mut Work,
     ) -> Option<ErrorEstimate> {
-        let (tau, tensions) = (self.time_scale, &self.tensions.end);
-        let geometric = tau.powf(0.75) * self.step_size.powf(0.25);
-        let errors = &mut self.errors;
-        let answered = self
-            .stage
-            .answer(system, state, tensions, geometric, errors, work);
-        let (block, error) = largest(&self.errors);
-        answered.then_some(ErrorEstimate {
-            rate: tau * error / self.step_size,
+        let LastErrors {
+            step_size,
+            left,
+            mut positions,
+            mut velocities,
+        } = self.last;
+        let damping = |time_scale, passes| Damping {
+            tensions: Some(&self.tensions.end),
+            time_scale,
+            passes,
+        };
+        let (of_positions, of_velocities) = (&mut self.momenta, &mut self.errors);
+        // w/T².
+        let moved = &mut self.moved;
+        moved.copy_from_slice(of_velocities);
+        let stage = &mut self.stage;
+        if !stage.damp_vibrations(system, state, damping(left, 1), [moved], work) {
+            return None;
+        }
+        let tau = (SATURATION * K.abs() * step_size.powi(2) * left).cbrt();
+        if tau * self.frequency_bound > 1.0 {
+            let all = [&mut *of_positions, &mut *moved, &mut *of_velocities].map(|v| &mut v[..]);
+            if !stage.damp_vibrations(system, state, damping(tau, 2), all, work) {
+                return None;
+            }
+            positions = largest(of_positions).1;
+            velocities = largest(of_velocities).1;
+        }
+        let (block, moved) = largest(moved);
+        let w = left.powi(2) * moved;
+        if velocities > 0.0 {
+            self.time_scale = (w / velocities).sqrt();
+        }
+        Some(ErrorEstimate {
+            rate: positions.hypot((velocities * w).sqrt()) / step_size,
             exponent: EXPONENT,
             block,
         })
@@ -229,15 +366,15 @@ impl Method for TrBdf2 {
     fn visit(&mut self, state: &mut HiddenState) {
         self.stage.visit(state);
         self.tensions.visit(state);
-        state.flag(&mut self.forces_are_known);
+        state.flag(&mut self.is_started);
         state.vectors(&mut self.forces[0]);
         state.real(&mut self.time_scale);
-        state.real(&mut self.step_size);
     }
 
     fn accept(&mut self) {
         self.tensions.accept();
         self.forces.swap(0, 2);
+        self.is_started = true;
     }
 
     fn flows(&self) -> Option<Flows> {
