@@ -240,3 +240,48 @@ fn a_pendulum_in_a_moving_frame_swings_alike() {
         assert!((seen - still).norm() < 1e-5, "{velocity}");
     }
 }
+
+/// Without settings the tolerance goes by the size of each part, not by how far
+/// the parts are from each other.
+#[test]
+fn the_default_tolerance_is_that_of_each_part() {
+    use springs::step::{Islands, Pace};
+    let mut scene = pendulum(1e3);
+    let mut far = scene.clone();
+    for node in &mut far.nodes {
+        node.position.y += 1e3;
+    }
+    common::append(&mut scene, &far);
+    let islands = Islands::new(&scene).expect("a sound scene");
+    assert_eq!(islands.parts().len(), 2);
+    for part in islands.parts() {
+        assert_eq!(part.simulation().choice().pace, Pace::Tolerance(1e-3));
+    }
+}
+
+/// Rounding of times does not keep a run of several parts from its end: 10¹²
+/// steps of parts that sleep, and a duration of next to nothing.
+#[test]
+fn rounds_come_to_an_end() {
+    use springs::step::Islands;
+    let mut scene = common::moving::with_gravity("two at rest");
+    for (x, stiffness) in [(0.0, 100.0), (5.0, 50.0)] {
+        let sag = 9.81 / stiffness;
+        let hook = scene.add_node(Node::fixed(Vector3::new(x, 0.0, 0.0)));
+        let bob = scene.add_node(Node {
+            mass: 1.0,
+            ..Node::at(Vector3::new(x + 1e-6, 1e-6, -1.0 - sag - 1e-7))
+        });
+        let spring = scene.add_spring(hook, bob, stiffness);
+        scene.springs[spring].rest_length = 1.0;
+    }
+    scene.settings.method = Method::TrBdf2;
+    scene.settings.sleep = Some(0.01);
+    for (step, duration) in [(1e-9, 1000.0), (1e-3, 5e-324)] {
+        scene.settings.step = StepControl::Fixed(step);
+        scene.settings.duration = duration;
+        let mut islands = Islands::new(&scene).expect("a sound scene");
+        assert_eq!(islands.run(1, &mut ()), Ok(Outcome::Finished));
+        assert_eq!(islands.time(), duration);
+    }
+}

@@ -151,7 +151,7 @@ fn pace_of(scene: &Scene, system: &System) -> (Pace, Schedule) {
 }
 
 /// The tolerance, in m, where nothing was asked for.
-pub(crate) fn default_tolerance(scene: &Scene) -> f64 {
+fn default_tolerance(scene: &Scene) -> f64 {
     match scene.size() {
         size if size > 0.0 => DEFAULT_TOLERANCE * size,
         _ => DEFAULT_TOLERANCE,

@@ -1,6 +1,5 @@
 //! Parts of a scene that do not feel each other, each on its own way.
 
-use crate::choose::default_tolerance;
 use crate::rest::Rest;
 use crate::simulation::{Frames, Shown, offer};
 use crate::{
@@ -9,7 +8,7 @@ use crate::{
 };
 use nalgebra::Vector3;
 use springs_assembly::{CompileError, Energy, machine_threads};
-use springs_scene::{Island, Scene, StepControl};
+use springs_scene::{Island, Scene};
 use std::sync::Mutex;
 
 /// A scene on its way through its duration, cut into parts that do not feel each
@@ -89,9 +88,6 @@ impl Islands {
             all_threads
         };
         settings.threads = all_threads / threads;
-        if settings.step == StepControl::Auto {
-            scene.settings.step = StepControl::Tolerance(default_tolerance(&scene));
-        }
         let parts = in_parallel(islands, threads, |island| Part::new(&scene, island));
         let mut parts: Vec<Part> = parts.into_iter().collect::<Result<_, _>>()?;
         // Somebody who runs what does not move at all wants to see its steps.
@@ -301,6 +297,16 @@ impl Islands {
     /// The end of the present round: a whole number of steps, where they are all
     /// of one size.
     fn end_of_round(&self) -> f64 {
+        let end = self.planned_end_of_round();
+        // Rounding of very many steps, or of hardly any duration, leads nowhere.
+        if end > self.time {
+            end
+        } else {
+            self.duration()
+        }
+    }
+
+    fn planned_end_of_round(&self) -> f64 {
         let rounds = match self.scene.settings.sleep {
             None => ROUNDS,
             Some(_) => ROUNDS_WITH_SLEEP,
