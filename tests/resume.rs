@@ -6,13 +6,14 @@ mod common;
 use common::{append, tangle};
 use springs::scene::generate::{Material, block, cloth};
 use springs::scene::{Method, Scene, StepControl, Tangent};
-use springs::step::{Frame, Islands, NodeStates, Observer, Outcome};
+use springs::step::{Account, Frame, Islands, NodeStates, Observer, Outcome};
 use std::ops::ControlFlow;
 
 /// Remembers frames, and stops after some calls.
 #[derive(Default)]
 struct Watcher {
     frames: Vec<(usize, f64, NodeStates)>,
+    accounts: Vec<Account>,
     calls_left: Option<usize>,
 }
 
@@ -20,6 +21,15 @@ impl Observer for Watcher {
     fn frame(&mut self, frame: Frame<'_>) -> ControlFlow<()> {
         self.frames
             .push((frame.index, frame.time, frame.nodes.clone()));
+        ControlFlow::Continue(())
+    }
+
+    fn wants_account(&self) -> bool {
+        true
+    }
+
+    fn account(&mut self, account: Account) -> ControlFlow<()> {
+        self.accounts.push(account);
         ControlFlow::Continue(())
     }
 
@@ -61,6 +71,7 @@ fn check(scene: &Scene, every: usize) {
     }
     assert!(stops > 1, "{what} was stopped {stops} times");
     assert_eq!(watcher.frames, through.frames, "{what}");
+    assert_eq!(watcher.accounts, through.accounts, "{what}");
     assert_eq!(resumed.nodes(), islands.nodes(), "{what}");
     assert_eq!(resumed.energy(), islands.energy(), "{what}");
     assert_eq!(resumed.ledger(), islands.ledger(), "{what}");

@@ -300,6 +300,31 @@ impl Springs {
         self.connections.between_fixed().map(work).sum()
     }
 
+    /// The energy, in J, of the springs whose length differs from the rest length
+    /// by more than a part `strain` of it.
+    pub fn energy_beyond(&self, strain: f64, x: &[Vector3<f64>]) -> f64 {
+        let energy = |index: usize| {
+            let (_, length) = self.tension_and_length(index, x);
+            let change = length - self.rest_length[index];
+            if change.abs() > strain * self.rest_length[index] {
+                0.5 * self.stiffness[index] * change * change
+            } else {
+                0.0
+            }
+        };
+        (0..self.len()).map(energy).sum()
+    }
+
+    /// The energy, in J, that rounding of coordinates is good for: Σ K(ε‖x‖)²,
+    /// with the largest coordinate of the ends of each spring.
+    pub fn energy_of_rounding(&self, x: &[Vector3<f64>]) -> f64 {
+        let energy = |index: usize| {
+            let [a, b] = self.connections.ends()[index].map(|block| x[block as usize].amax());
+            self.stiffness[index] * (f64::EPSILON * a.max(b)).powi(2)
+        };
+        (0..self.len()).map(energy).sum()
+    }
+
     /// The block of a spring as linearized at `at`, without weight.
     fn block(&self, index: usize, at: &Evaluation<'_>) -> [f64; 6] {
         let dx = self.connections.difference(index, at.x);

@@ -272,7 +272,12 @@ impl System {
     pub fn kinetic_and_gravity_energy(&self, x: &[Vector3<f64>], v: &[Vector3<f64>]) -> (f64, f64) {
         let masses_and_velocities = self.masses.iter().zip(v);
         let kinetic = masses_and_velocities.map(|(mass, v)| 0.5 * mass * v.norm_squared());
-        (kinetic.sum(), self.batches.gravity.energy(x))
+        (kinetic.sum(), self.gravity_energy(x))
+    }
+
+    /// The gravity in [`Self::energy`].
+    pub fn gravity_energy(&self, x: &[Vector3<f64>]) -> f64 {
+        self.batches.gravity.energy(x)
     }
 
     /// Whether any of the velocities `v` of fixed blocks is not zero.

@@ -41,6 +41,14 @@ pub enum Problem {
         /// The number.
         value: f64,
     },
+    /// A fixed node moves to where its coordinates cannot be computed with.
+    #[error("node {node} is fixed and moves to {value:?} m, which is too large to compute with")]
+    MovesTooFar {
+        /// The node.
+        node: usize,
+        /// A coordinate at the end, in m.
+        value: f64,
+    },
     /// A number must not be negative.
     #[error("{}must not be negative, but is {value}", subject(path))]
     Negative {
@@ -138,6 +146,7 @@ impl Problem {
             Self::NoSuchNode { spring, .. } | Self::Loop { spring, .. } => {
                 Path::Spring(spring, Some("nodes"))
             }
+            Self::MovesTooFar { node, .. } => Path::Node(node, Some("velocity")),
             Self::Unheld { node } => Path::Node(node, None),
             Self::TooFar { node } => Path::Node(node, Some("position")),
             Self::TooLight { node, .. } => Path::Node(node, Some("mass")),
@@ -269,6 +278,13 @@ impl Scene {
             energy += 0.5 * mass * velocity.norm_squared();
             if !energy.is_finite() {
                 return Some(Problem::TooFast { node });
+            }
+        }
+        for (node, anchor) in self.nodes.iter().enumerate().filter(|(_, node)| node.fixed) {
+            let end = anchor.position + anchor.velocity * self.settings.duration;
+            let is_far = |value: &&f64| !(**value * **value).is_finite();
+            if let Some(&value) = end.iter().find(is_far) {
+                return Some(Problem::MovesTooFar { node, value });
             }
         }
         for (index, spring) in self.springs.iter().enumerate() {
@@ -432,6 +448,14 @@ mod tests {
         assert!(
             fast.starts_with("nodes[1].velocity: the velocity of node 1"),
             "{fast}"
+        );
+        let moving = of(|scene| {
+            scene.nodes[0].velocity.x = 1e153;
+            scene.settings.duration = 100.0;
+        });
+        assert_eq!(
+            moving,
+            "nodes[0].velocity: node 0 is fixed and moves to 1e155 m, which is too large to compute with"
         );
         let strained = of(|scene| {
             scene.springs[0].stiffness = 1e300;

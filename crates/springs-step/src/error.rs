@@ -37,6 +37,9 @@ pub enum SetupError {
         /// The tolerance, in m.
         tolerance: f64,
     },
+    /// Energies at the start are larger than a number can be.
+    #[error("the energy at the start is beyond the range of numbers")]
+    EnergyOverflow,
     /// The method is of its order only for forces that do not depend on
     /// velocities.
     #[error("{method} cannot treat dashpots, and spring {spring} has one")]
@@ -84,6 +87,7 @@ impl SetupError {
             Self::NotReached { .. } => {
                 Some("use a larger tolerance, a shorter duration, or tr-bdf2 or dop853")
             }
+            Self::EnergyOverflow => Some("look at the units of masses, velocities and stiffnesses"),
             Self::VelocityDependent { .. } => {
                 Some("use dop853 or tr-bdf2, or leave out the damping")
             }
@@ -194,14 +198,17 @@ pub enum Cause {
     #[error("the system matrix is not positive definite")]
     NotPositiveDefinite,
     /// A position or velocity is infinite or not a number.
-    #[error("the position or velocity stopped being a finite number")]
+    #[error("the position or velocity left the range of numbers")]
     NotFinite,
     /// There is not enough memory for a factor that turned out to be needed.
     #[error("there is not enough memory for a factor of the matrix")]
     OutOfMemory,
-    /// There is far more energy than can be.
-    #[error("energy came from nowhere")]
-    EnergyFromNowhere,
+    /// There is far more energy than there was or came in.
+    #[error("the energy diverged")]
+    EnergyDiverged,
+    /// Energies are larger than a number can be.
+    #[error("the energy is beyond the range of numbers")]
+    EnergyOverflow,
     /// Newton's method failed.
     #[error("the implicit equations were not solved")]
     NotConverged,
@@ -234,9 +241,10 @@ impl StepError {
                 "use a smaller step or an implicit method such as tr-bdf2, \
                  and look at masses and stiffnesses around the node"
             }
-            Cause::EnergyFromNowhere => {
+            Cause::EnergyDiverged => {
                 "use a smaller step or an implicit method such as tr-bdf2, or a tolerance"
             }
+            Cause::EnergyOverflow => "look at the units of masses, velocities and stiffnesses",
             Cause::OutOfMemory => "use a smaller step, with which iteration converges",
             Cause::NotConverged => "use a smaller step, or a tolerance instead of a step",
             Cause::NoEstimate => "wrap the method in Doubling, or use steps of fixed size",

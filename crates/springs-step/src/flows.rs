@@ -1,6 +1,6 @@
 //! What dashpots and moving anchors take and give in a step.
 
-use crate::{Interval, State};
+use crate::{HiddenState, State};
 use nalgebra::Vector3;
 use springs_assembly::System;
 use std::ops::{Add, AddAssign};
@@ -42,6 +42,11 @@ impl Flows {
         }
     }
 
+    pub(crate) fn visit(&mut self, state: &mut HiddenState) {
+        state.real(&mut self.dashpot_heat);
+        state.real(&mut self.anchor_work);
+    }
+
     /// The same flows at another rate, or over another time.
     pub(crate) fn times(self, factor: f64) -> Self {
         Self {
@@ -51,18 +56,37 @@ impl Flows {
     }
 
     /// By the trapezoidal rule for forces: for methods that do not say.
-    pub(crate) fn trapezoidal(
-        system: &System,
-        before: &State,
-        after: &State,
-        interval: Interval,
-    ) -> Self {
+    pub(crate) fn trapezoidal(system: &System, [before, after]: [&State; 2], h: f64) -> Self {
         let mut impulses = Impulses::new(system);
-        let half = 0.5 * interval.size;
+        let half = 0.5 * h;
         impulses.begin(system, &before.v);
         impulses.add(system, half, &before.x, &before.v);
         impulses.add(system, half, &after.x, &after.v);
         impulses.flows(system, &after.v)
+    }
+
+    /// The part of the flows of a step up to a fraction of it, by the cubic that
+    /// has the powers at both ends as its slopes. Where the step does not resolve
+    /// what flows, the powers are limited so that the cubic is monotone (Fritsch
+    /// and Carlson, SIAM J. Numer. Anal. 17, 1980).
+    pub(crate) fn part(
+        self,
+        system: &System,
+        [before, after]: [&State; 2],
+        h: f64,
+        fraction: f64,
+    ) -> Self {
+        let [start, end] = [before, after].map(|at| Self::powers(system, &at.x, &at.v).times(h));
+        let cubic = |total: f64, start: f64, end: f64| {
+            let limited = |slope: f64| slope.clamp(total.min(0.0) * 3.0, total.max(0.0) * 3.0);
+            let (s, rest) = (fraction, 1.0 - fraction);
+            let slopes = rest * limited(start) - s * limited(end);
+            s * s * (3.0 - 2.0 * s) * total + s * rest * slopes
+        };
+        Self {
+            dashpot_heat: cubic(self.dashpot_heat, start.dashpot_heat, end.dashpot_heat),
+            anchor_work: cubic(self.anchor_work, start.anchor_work, end.anchor_work),
+        }
     }
 
     /// Those of what joins two fixed nodes, which no method moves: exact.

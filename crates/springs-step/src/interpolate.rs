@@ -1,8 +1,8 @@
 //! States between two steps.
 
 use crate::{
-    Anchors, Choice, HiddenState, Interval, Method, MethodError, NodeStates, SetupError, State,
-    Work,
+    Anchors, Choice, Flows, HiddenState, Interval, Method, MethodError, NodeStates, SetupError,
+    State, Work,
 };
 use nalgebra::Vector3;
 use springs_assembly::System;
@@ -61,6 +61,15 @@ impl Between {
     pub(crate) fn visit(&mut self, hidden: &mut HiddenState) {
         if let Self::Substep { method, .. } = self {
             method.visit(hidden);
+        }
+    }
+
+    /// Flows from the start of the step to the state that was made last, where a
+    /// step of the method made it.
+    pub(crate) fn flows(&self) -> Option<Flows> {
+        match self {
+            Self::Polynomial { .. } => None,
+            Self::Substep { method, .. } => method.flows(),
         }
     }
 

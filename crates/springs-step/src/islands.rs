@@ -24,7 +24,9 @@ pub struct Islands {
     time: f64,
     /// Parts are somewhere within a round.
     is_under_way: bool,
+    /// At that time.
     nodes: NodeStates,
+    ledger: Ledger,
     /// Frames that were shown, if it was stopped on the way.
     shown: Option<Shown>,
 }
@@ -35,6 +37,8 @@ pub struct Part {
     island: Island,
     simulation: Simulation,
     state: NodeStates,
+    /// When it was in that state.
+    ledger: Ledger,
     asleep_since: Option<f64>,
     /// Made when it is first needed.
     rest: Option<Rest>,
@@ -94,7 +98,8 @@ impl Islands {
         if parts.iter().all(|part| part.asleep_since.is_some()) {
             parts.iter_mut().for_each(|part| part.asleep_since = None);
         }
-        Ok(Self {
+        let mut islands = Self {
+            ledger: parts[0].ledger,
             parts,
             threads,
             time: 0.0,
@@ -102,7 +107,16 @@ impl Islands {
             nodes: NodeStates::of(&scene),
             shown: None,
             scene,
-        })
+        };
+        islands.sum_ledgers();
+        Ok(islands)
+    }
+
+    fn sum_ledgers(&mut self) {
+        let ledgers = self.parts.iter().map(|part| part.ledger);
+        if let Some(sum) = Ledger::sum(ledgers) {
+            self.ledger = sum;
+        }
     }
 
     /// Everything that the run has come to, as words that mean something to
@@ -135,10 +149,12 @@ impl Islands {
         state.real(&mut self.time);
         state.flag(&mut self.is_under_way);
         self.nodes.visit(state);
+        self.ledger.visit(state);
         state.option(&mut self.shown, |shown, state| shown.visit(state));
         for part in &mut self.parts {
             part.simulation.visit(state);
             part.state.visit(state);
+            part.ledger.visit(state);
             state.option(&mut part.asleep_since, |since, state| state.real(since));
             state.count(&mut part.countdown);
         }
@@ -203,18 +219,13 @@ impl Islands {
     }
 
     /// Energy at the start and its flows so far.
-    ///
-    /// # Panics
-    ///
-    /// Never: there is a part.
     pub fn ledger(&self) -> Ledger {
-        let ledgers = self.parts.iter().map(|part| part.simulation.ledger());
-        Ledger::sum(ledgers).expect("one part at least")
+        self.ledger
     }
 
     /// Energy now.
     pub fn energy(&self) -> Energy {
-        let energies = self.parts.iter().map(|part| part.simulation.energy());
+        let energies = self.parts.iter().map(|part| part.energy(&self.nodes));
         energies.fold(Energy::default(), |a, b| a + b)
     }
 
@@ -238,6 +249,7 @@ impl Islands {
             let outcome = part.simulation.run(intervals, observer);
             self.time = part.simulation.stepper().time();
             self.nodes.clone_from(part.simulation.nodes());
+            self.ledger = part.simulation.ledger();
             return outcome;
         }
         let mut frames = Frames::new(self.duration(), intervals, &self.nodes);
@@ -347,6 +359,7 @@ impl Islands {
         if result.is_ok() {
             self.time = time;
         }
+        self.sum_ledgers();
         for part in &self.parts {
             for (k, &node) in part.island.nodes.iter().enumerate() {
                 self.nodes.positions[node] = part.state.positions[k];
@@ -386,6 +399,7 @@ impl Part {
         let is_at_rest = scene.settings.skip && Rest::is_exact(system, state);
         Ok(Self {
             state: simulation.nodes().clone(),
+            ledger: simulation.ledger(),
             island,
             asleep_since: is_at_rest.then_some(0.0),
             rest: None,
@@ -431,6 +445,21 @@ impl Part {
         &self.simulation
     }
 
+    /// Energy where the nodes of the scene are, those of others left out.
+    fn energy(&self, nodes: &NodeStates) -> Energy {
+        let of_part = |vectors: &[Vector3<f64>]| -> Vec<Vector3<f64>> {
+            let nodes = self.island.nodes.iter();
+            nodes.map(|&node| vectors[node]).collect()
+        };
+        let system = self.simulation.stepper().system();
+        let blocks = |vectors: &[Vector3<f64>]| {
+            let mut blocks = vec![Vector3::zeros(); self.island.nodes.len()];
+            system.numbering().gather(&of_part(vectors), &mut blocks);
+            blocks
+        };
+        system.energy(&blocks(&nodes.positions), &blocks(&nodes.velocities))
+    }
+
     /// Says whether it got there with so many steps.
     fn advance_to(&mut self, time: f64, most_steps: u64) -> Result<bool, StepError> {
         if self.asleep_since.is_some_and(|since| since <= time) {
@@ -439,6 +468,9 @@ impl Part {
         let done = self
             .simulation
             .advance_to(time, most_steps, &mut self.state);
+        if done == Ok(true) {
+            self.ledger = self.simulation.ledger_at(time, &self.state);
+        }
         done.map_err(|error| StepError {
             node: self.island.nodes[error.node],
             suspect: error.suspect.map(|suspect| Suspect {

@@ -5,10 +5,10 @@ use crate::choose::{Schedule, Start, keeps_its_step, start};
 use crate::controller::Verdict;
 use crate::interpolate::Between;
 use crate::{
-    Anchors, Cause, Choice, HiddenState, Interval, Ledger, Method, NodeStates, SetupError, State,
-    StepError, StepPlan, Stepper, Work,
+    Anchors, Cause, Choice, Counts, Flows, HiddenState, Interval, Ledger, Method, NodeStates,
+    SetupError, State, StepError, StepPlan, Stepper, Work,
 };
-use springs_assembly::{Energy, System, compile};
+use springs_assembly::{Energy, ForceEmitter as _, System, compile};
 use springs_scene::Scene;
 use std::ops::ControlFlow;
 
@@ -23,7 +23,7 @@ pub struct Frame<'a> {
     pub nodes: &'a NodeStates,
 }
 
-/// Energies at the end of a step.
+/// Energies at the end of a step or at the time of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Account {
     /// In s.
@@ -46,13 +46,14 @@ pub trait Observer {
         ControlFlow::Continue(())
     }
 
-    /// Whether to be called with an account, asked at the start and after every
-    /// step.
+    /// Whether to be called with an account, asked after every frame, for its
+    /// time, and after every step.
     fn wants_account(&self) -> bool {
         false
     }
 
-    /// Called with energies, if they are wanted, before [`Self::step`].
+    /// Called with energies, if they are wanted, after [`Self::frame`] or before
+    /// [`Self::step`].
     fn account(&mut self, _account: Account) -> ControlFlow<()> {
         ControlFlow::Continue(())
     }
@@ -99,6 +100,15 @@ pub struct Simulation {
     nodes: NodeStates,
     work: Work,
     ledger: Ledger,
+    /// The ledger before the last step, and the flows in it as far as free nodes
+    /// took part.
+    ledger_before: Ledger,
+    last_flows: Flows,
+    /// The flows from the start of the last step to the time of the state between
+    /// that was made last, if a step of the method gave them.
+    flows_between: Option<(f64, Flows)>,
+    /// Global vectors of states between steps; made when first needed.
+    state_between: Option<State>,
     rescue_is_allowed: bool,
     /// The most that energy of motion and of springs could come from, in J.
     most_energy: f64,
@@ -107,11 +117,17 @@ pub struct Simulation {
 /// Steps shorter than this part of the duration lead nowhere.
 const SMALLEST_STEP: f64 = 1e-14;
 
-/// Steps between two looks at the energy.
-const LOOK_AT_ENERGY: u64 = 4;
+/// Evaluations of forces between two looks at the energy of springs, where no
+/// linear system is solved, beside which a look costs nothing.
+const LOOK_AT_SPRINGS: u64 = 16;
 
 /// So many times the energy that was known to be there is not possible.
 const IMPOSSIBLE: f64 = 1e4;
+
+/// Energy of springs counts from this strain on. Methods that filter stiff
+/// springs hold their tension with a stretch that is far too large for their
+/// stiffness, but small.
+const NOTABLE_STRAIN: f64 = 0.5;
 
 /// Parts of a step that fails may be as short as this part of it.
 const SHORTEST_RESCUE: f64 = 1e-3;
@@ -131,7 +147,7 @@ impl Simulation {
         let anchors = Anchors::new(&system, &State::initial(&system));
         let start = start(scene, &system, &anchors)?;
         let between = Between::of(&start.choice, &*start.method, &system)?;
-        Ok(Self::starting(scene, system, start, between))
+        Self::starting(scene, system, start, between)
     }
 
     /// The same with a method of one's own, in place of that of the settings.
@@ -153,18 +169,31 @@ impl Simulation {
             order: start.method.order(),
             straight_from: f64::INFINITY,
         };
-        Ok(Self::starting(scene, system, start, between))
+        Self::starting(scene, system, start, between)
     }
 
-    fn starting(scene: &Scene, system: System, start: Start, between: Between) -> Self {
+    fn starting(
+        scene: &Scene,
+        system: System,
+        start: Start,
+        between: Between,
+    ) -> Result<Self, SetupError> {
         let duration = scene.settings.duration;
         let stepper = Stepper::with_method(system, start.method);
         let nodes = NodeStates::of(scene);
         let mut work = stepper.method().setup();
         work += start.work;
         let start_method = start.choice.method;
-        Self {
-            ledger: Ledger::open(stepper.system(), stepper.state()),
+        let ledger = Ledger::open(stepper.system(), stepper.state());
+        if !ledger.start.total().is_finite() {
+            return Err(SetupError::EnergyOverflow);
+        }
+        Ok(Self {
+            ledger,
+            ledger_before: ledger,
+            last_flows: Flows::default(),
+            flows_between: None,
+            state_between: None,
             duration,
             schedule: start.schedule,
             auto: start.auto,
@@ -179,7 +208,7 @@ impl Simulation {
             last: None,
             before: nodes.clone(),
             nodes,
-        }
+        })
     }
 
     /// Method, tangent and step.
@@ -258,7 +287,7 @@ impl Simulation {
     ) -> Result<Outcome, StepError> {
         if frames.is_first()
             && (frames.show(0.0, &self.nodes, observer).is_break()
-                || offer(observer, || self.account()).is_break())
+                || offer(observer, || self.account(0.0)).is_break())
         {
             return Ok(Outcome::Stopped);
         }
@@ -272,7 +301,7 @@ impl Simulation {
             };
             let shown = self.show_frames(frames, interval, observer)?;
             if shown.is_break()
-                || offer(observer, || self.account()).is_break()
+                || offer(observer, || self.account(interval.end)).is_break()
                 || observer.step(interval.end).is_break()
             {
                 self.stepper.scatter(&mut self.nodes);
@@ -286,11 +315,59 @@ impl Simulation {
         Ok(Outcome::Finished)
     }
 
-    fn account(&self) -> Account {
+    /// Energies at the end of the last step, which `time` is.
+    fn account(&self, time: f64) -> Account {
         Account {
-            time: self.stepper.time(),
+            time,
             energy: self.energy(),
             ledger: self.ledger,
+        }
+    }
+
+    /// Energies at a time within the last step, where `nodes` are.
+    fn account_between(&mut self, interval: Interval, time: f64, nodes: &NodeStates) -> Account {
+        let ledger = self.ledger_between(interval, time, nodes);
+        let state = self.gather_between(nodes);
+        let energy = self.stepper.system().energy(&state.x, &state.v);
+        self.state_between = Some(state);
+        Account {
+            time,
+            energy,
+            ledger,
+        }
+    }
+
+    /// The ledger at a time within the last step, where `nodes` are.
+    fn ledger_between(&mut self, interval: Interval, time: f64, nodes: &NodeStates) -> Ledger {
+        let state = self.gather_between(nodes);
+        let (system, h) = (self.stepper.system(), interval.size);
+        let ends = [self.stepper.before(), self.stepper.state()];
+        let elapsed = time - interval.start;
+        let flows = match self.flows_between {
+            Some((at, flows)) if at == time => flows,
+            _ => self.last_flows.part(system, ends, h, elapsed / h),
+        };
+        let mut ledger = self.ledger_before;
+        ledger.record(flows + Flows::between_fixed(system, &ends[0].x, &state, elapsed));
+        self.state_between = Some(state);
+        ledger
+    }
+
+    /// The global vectors of `nodes`; to be put back for the next time.
+    fn gather_between(&mut self, nodes: &NodeStates) -> State {
+        let state = self.state_between.take();
+        let mut state = state.unwrap_or_else(|| self.stepper.state().clone());
+        state.gather(self.stepper.system(), nodes);
+        state
+    }
+
+    /// The ledger when [`Self::advance_to`] got to a time, where `nodes` were.
+    pub(crate) fn ledger_at(&mut self, time: f64, nodes: &NodeStates) -> Ledger {
+        match self.last {
+            Some(interval) if time < interval.end - AT_THE_END * interval.size => {
+                self.ledger_between(interval, time, nodes)
+            }
+            _ => self.ledger,
         }
     }
 
@@ -334,7 +411,7 @@ impl Simulation {
     ///
     /// # Errors
     ///
-    /// If it cannot be made; nothing has changed then.
+    /// If it cannot be made; time and state are then as they were before.
     pub fn step(&mut self) -> Result<Option<Interval>, StepError> {
         if self.is_finished() {
             return Ok(None);
@@ -425,14 +502,23 @@ impl Simulation {
         out: &mut NodeStates,
     ) -> Result<(), StepError> {
         self.stepper.scatter_before(&mut self.before);
-        let compiled = (self.stepper.system(), self.stepper.anchors());
+        let (system, anchors) = (self.stepper.system(), self.stepper.anchors());
         let ends = [&self.before, &self.nodes];
-        self.between
-            .evaluate(compiled, ends, interval, time, out)
-            .map_err(|error| {
-                self.stepper
-                    .error(Cause::from(error), error.block(), interval)
-            })
+        let made = self
+            .between
+            .evaluate((system, anchors), ends, interval, time, out);
+        let failure = match made {
+            Err(error) => Some((Cause::from(error), error.block())),
+            Ok(()) => {
+                let node = out.first_not_finite();
+                node.map(|node| (Cause::NotFinite, system.numbering().block(node)))
+            }
+        };
+        if let Some((cause, block)) = failure {
+            return Err(self.stepper.error(cause, block, interval));
+        }
+        self.flows_between = self.between.flows().map(|flows| (time, flows));
+        Ok(())
     }
 
     fn is_finished(&self) -> bool {
@@ -452,37 +538,60 @@ impl Simulation {
                     end: plan.end_of(step),
                     size: plan.size_of(step),
                 };
-                let (end, h) = (interval.end, interval.size);
-                let made = self.stepper.step_until(end, h, &mut self.work);
-                if let Err(error) = made {
+                if let Err(error) = self.take(interval) {
                     return self.rescue(interval, error);
                 }
                 interval
             }
             Schedule::Adaptive(_) => self.adaptive_step()?,
         };
-        self.record(interval);
         self.last = Some(interval);
-        match self.stepper.steps().is_multiple_of(LOOK_AT_ENERGY) {
-            true => self.watch_energy(interval),
-            false => Ok(interval),
-        }
+        Ok(interval)
     }
 
-    /// Enters a step that stands into the ledger.
-    fn record(&mut self, interval: Interval) {
-        self.ledger.record(self.stepper.flows(interval));
+    /// Makes a step that stands, or none.
+    fn take(&mut self, interval: Interval) -> Result<(), StepError> {
+        let counts = self.work.counts;
+        self.stepper.attempt(interval, &mut self.work)?;
+        self.enter(interval, counts)
+    }
+
+    /// The attempted step stands and is booked, unless there is more energy than
+    /// can be; `counts` are those before it.
+    fn enter(&mut self, interval: Interval, counts: Counts) -> Result<(), StepError> {
+        let flows = self.stepper.flows(interval);
+        let (before, after) = (self.stepper.before(), self.stepper.state());
+        let system = self.stepper.system();
+        let mut ledger = self.ledger;
+        ledger.record(flows + Flows::between_fixed(system, &before.x, after, interval.size));
+        if let Some(cause) = self.watch_energy(interval, counts, ledger.anchor_work) {
+            let fastest = self.stepper.fastest_block();
+            self.stepper.reject();
+            return Err(self.stepper.error(cause, fastest, interval));
+        }
+        self.stepper.accept(interval, &mut self.work);
+        self.ledger_before = std::mem::replace(&mut self.ledger, ledger);
+        self.last_flows = flows;
+        self.flows_between = None;
+        Ok(())
     }
 
     /// Makes a step that failed as a whole in shorter ones, if that is allowed.
     /// They count as one; the last of them that fails is the error, and
     /// everything is then as it was before the first.
     fn rescue(&mut self, whole: Interval, error: StepError) -> Result<Interval, StepError> {
-        let is_allowed = self.rescue_is_allowed && error.cause != Cause::OutOfMemory;
-        if !is_allowed {
+        // Shorter steps do not take away energy that is there already.
+        let is_final = |cause| {
+            matches!(
+                cause,
+                Cause::OutOfMemory | Cause::EnergyDiverged | Cause::EnergyOverflow
+            )
+        };
+        if !self.rescue_is_allowed || is_final(error.cause) {
             return Err(error);
         }
         let (saved, ledger) = (self.stepper.bookmark(), self.ledger);
+        let mut flows = Flows::default();
         let mut interval = Interval {
             end: whole.start,
             ..whole
@@ -497,10 +606,11 @@ impl Simulation {
                 true => whole.end,
                 false => interval.start + interval.size,
             };
-            let (end, h) = (interval.end, interval.size);
-            match self.stepper.step_until(end, h, &mut self.work) {
-                Ok(()) => self.record(interval),
-                Err(error) if interval.size < SHORTEST_RESCUE * whole.size => {
+            match self.take(interval) {
+                Ok(()) => flows += self.last_flows,
+                Err(error)
+                    if is_final(error.cause) || interval.size < SHORTEST_RESCUE * whole.size =>
+                {
                     self.stepper.return_to(saved);
                     self.ledger = ledger;
                     return Err(error);
@@ -512,28 +622,55 @@ impl Simulation {
             }
         }
         self.stepper.count_as_one(saved);
+        (self.ledger_before, self.last_flows) = (ledger, flows);
         self.work.counts.rescued_steps += 1;
         self.last = Some(whole);
         Ok(whole)
     }
 
-    /// An error if there is far more energy than there ever was or came in:
-    /// a step that is too long for an explicit method multiplies it over and
-    /// over, long before numbers overflow.
-    fn watch_energy(&mut self, interval: Interval) -> Result<Interval, StepError> {
+    /// What is wrong with the energy after the attempted step, if anything is:
+    /// there is far more than there ever was or came in, as with steps that are
+    /// too long for an explicit method, long before numbers overflow.
+    ///
+    /// The kinetic energy is looked at in every step, where it costs nothing; the
+    /// others where that is cheap beside the step, and in the last one.
+    fn watch_energy(
+        &mut self,
+        interval: Interval,
+        counts: Counts,
+        anchor_work: f64,
+    ) -> Option<Cause> {
         let (system, state) = (self.stepper.system(), self.stepper.state());
-        let (kinetic, gravity) = system.kinetic_and_gravity_energy(&state.x, &state.v);
-        let start = self.ledger.start;
-        let fallen = (start.gravity - gravity).abs();
-        let known = start.kinetic + start.elastic + self.ledger.anchor_work.abs() + fallen;
-        self.most_energy = self.most_energy.max(known);
-        let is_possible = kinetic <= IMPOSSIBLE * self.most_energy;
-        if is_possible || self.most_energy == 0.0 {
-            return Ok(interval);
+        let now = self.work.counts;
+        let is_last = match self.schedule {
+            Schedule::Fixed(plan) => self.stepper.steps() + 1 >= plan.n_steps(),
+            Schedule::Adaptive(_) => interval.end >= self.duration,
+        };
+        let looks = is_last
+            || now.solves > counts.solves
+            || now.force_evaluations / LOOK_AT_SPRINGS > counts.force_evaluations / LOOK_AT_SPRINGS;
+        let kinetic = self.stepper.kinetic_energy();
+        let mut elastic = 0.0;
+        if looks {
+            elastic = system.springs().energy(&state.x);
+            if !(kinetic + elastic + system.gravity_energy(&state.x)).is_finite() {
+                return Some(Cause::EnergyOverflow);
+            }
         }
-        let fastest = self.stepper.fastest_block();
-        let cause = Cause::EnergyFromNowhere;
-        Err(self.stepper.error(cause, fastest, interval))
+        if kinetic + elastic <= IMPOSSIBLE * self.most_energy {
+            return None;
+        }
+        if looks {
+            elastic = system.springs().energy_beyond(NOTABLE_STRAIN, &state.x);
+        }
+        let start = self.ledger.start;
+        let fallen = (start.gravity - system.gravity_energy(&state.x)).abs();
+        // Every step rounds once more.
+        let rounding = system.springs().energy_of_rounding(&state.x);
+        let rounded = (self.stepper.steps() + 1) as f64 * rounding;
+        let known = start.kinetic + start.elastic + anchor_work.abs() + fallen + rounded;
+        self.most_energy = self.most_energy.max(known);
+        (kinetic + elastic > IMPOSSIBLE * self.most_energy).then_some(Cause::EnergyDiverged)
     }
 
     /// Attempts steps until one is accurate enough.
@@ -544,7 +681,7 @@ impl Simulation {
         };
         let counts = self.work.counts;
         let start = self.stepper.time();
-        loop {
+        let interval = loop {
             let interval = next_interval(start, self.duration, controller.step_size());
             let attempt = self.stepper.attempt(interval, &mut self.work);
             let too_small = interval.size < SMALLEST_STEP * self.duration
@@ -563,13 +700,7 @@ impl Simulation {
                         estimate = second;
                     }
                     match controller.judge(interval.size, estimate) {
-                        Verdict::Accept => {
-                            self.stepper.accept(interval, &mut self.work);
-                            if let Some(auto) = &mut self.auto {
-                                auto.record(interval.size, self.work.counts - counts);
-                            }
-                            return Ok(interval);
-                        }
+                        Verdict::Accept => break interval,
                         Verdict::Reject if too_small => {
                             self.stepper.reject();
                             let cause = Cause::StepTooSmall;
@@ -580,7 +711,12 @@ impl Simulation {
                 }
             }
             self.work.counts.rejected_steps += 1;
+        };
+        self.enter(interval, counts)?;
+        if let Some(auto) = &mut self.auto {
+            auto.record(interval.size, self.work.counts - counts);
         }
+        Ok(interval)
     }
 
     /// Goes on with another method, if methods are chosen and one has become
@@ -647,6 +783,8 @@ impl Simulation {
         self.stepper.visit(state);
         self.between.visit(state);
         self.ledger.visit(state);
+        self.ledger_before.visit(state);
+        self.last_flows.visit(state);
         state.real(&mut self.most_energy);
         self.work.visit(state);
         state.option(&mut self.last, |interval, state| {
@@ -695,17 +833,20 @@ impl Simulation {
                 break;
             }
             self.stepper.scatter(&mut self.nodes);
-            let shown = if fraction >= 1.0 - AT_THE_END {
-                frames.show(time, &self.nodes, observer)
+            let is_stopped = if fraction >= 1.0 - AT_THE_END {
+                frames.show(time, &self.nodes, observer).is_break()
+                    || offer(observer, || self.account(time)).is_break()
             } else {
                 let mut between = std::mem::take(&mut frames.between);
                 self.evaluate(interval, time, &mut between)?;
-                let shown = frames.show(time, &between, observer);
+                let account = || self.account_between(interval, time, &between);
+                let is_stopped = frames.show(time, &between, observer).is_break()
+                    || offer(observer, account).is_break();
                 frames.between = between;
-                shown
+                is_stopped
             };
-            if shown.is_break() {
-                return Ok(shown);
+            if is_stopped {
+                return Ok(ControlFlow::Break(()));
             }
         }
         Ok(ControlFlow::Continue(()))

@@ -23,6 +23,13 @@ impl NodeStates {
         }
     }
 
+    /// The first node with a position or velocity whose square is not a finite
+    /// number.
+    pub(crate) fn first_not_finite(&self) -> Option<usize> {
+        let mut states = self.positions.iter().zip(&self.velocities);
+        states.position(|(x, v)| !has_square(x) || !has_square(v))
+    }
+
     pub(crate) fn visit(&mut self, state: &mut HiddenState) {
         state.vectors(&mut self.positions);
         state.vectors(&mut self.velocities);
@@ -99,17 +106,30 @@ impl State {
         system.numbering().scatter(&self.v, &mut nodes.velocities);
     }
 
-    /// The first free block with a position or velocity that is not finite.
-    pub(crate) fn first_not_finite(&self, n_free: usize) -> Option<usize> {
-        // Zero times what is not finite is not a number, and stays so in a sum.
-        let zero = |vectors: &[Vector3<f64>]| -> f64 {
-            let sum = |sum: Vector3<f64>, vector: &Vector3<f64>| sum + vector * 0.0;
-            vectors[..n_free].iter().fold(Vector3::zeros(), sum).sum()
-        };
-        if zero(&self.x) + zero(&self.v) == 0.0 {
-            return None;
-        }
-        let finite = |vector: &Vector3<f64>| vector.iter().all(|c| c.is_finite());
-        (0..n_free).find(|&block| !finite(&self.x[block]) || !finite(&self.v[block]))
+    /// The kinetic energy of the free blocks, in J, if that and the squares of all
+    /// positions and velocities are finite numbers; in one pass.
+    pub(crate) fn finite_kinetic_energy(&self, masses: &[f64]) -> Option<f64> {
+        let add_square = |sum: Vector3<f64>, x: &Vector3<f64>| sum + x.component_mul(x);
+        let squares = self.x.iter().fold(Vector3::zeros(), add_square);
+        let moving = masses.iter().zip(&self.v);
+        let twice = moving.fold(Vector3::zeros(), |sum: Vector3<f64>, (&mass, v)| {
+            sum + v.component_mul(v) * mass
+        });
+        let kinetic = 0.5 * twice.sum();
+        (squares.sum().is_finite() && kinetic.is_finite()).then_some(kinetic)
     }
+
+    /// The first block with a position, or a velocity if it is free, whose square
+    /// is not a finite number.
+    pub(crate) fn first_not_finite(&self, n_free: usize) -> Option<usize> {
+        let is_wrong = |block: &usize| {
+            !has_square(&self.x[*block]) || (*block < n_free && !has_square(&self.v[*block]))
+        };
+        (0..self.x.len()).find(is_wrong)
+    }
+}
+
+/// Whether the square of a vector is a finite number.
+fn has_square(vector: &Vector3<f64>) -> bool {
+    vector.norm_squared().is_finite()
 }

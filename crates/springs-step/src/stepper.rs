@@ -20,6 +20,8 @@ pub struct Stepper {
     /// Steps of one size are counted, so that time is not summed up.
     clock: Clock,
     steps: u64,
+    /// After the last attempt, in J.
+    kinetic_energy: f64,
 }
 
 /// Where a stepper was.
@@ -84,6 +86,7 @@ impl Stepper {
                 size: 0.0,
             },
             steps: 0,
+            kinetic_energy: 0.0,
             system,
             method,
             before: state.clone(),
@@ -183,10 +186,7 @@ impl Stepper {
             .step(&self.system, &self.anchors, interval, &mut self.state, work);
         let failure = match made {
             Err(error) => Some((Cause::from(error), error.block())),
-            Ok(_) => self
-                .state
-                .first_not_finite(self.system.n_free())
-                .map(|block| (Cause::NotFinite, block)),
+            Ok(_) => self.find_overflow(),
         };
         match failure {
             None => Ok(made.unwrap_or_default()),
@@ -197,14 +197,37 @@ impl Stepper {
         }
     }
 
-    /// What dashpots and moving anchors took and gave in the last step.
+    /// What is not a finite number after an attempt, and where; and keeps the
+    /// kinetic energy.
+    fn find_overflow(&mut self) -> Option<(Cause, usize)> {
+        let masses = self.system.masses();
+        if let Some(kinetic) = self.state.finite_kinetic_energy(masses) {
+            self.kinetic_energy = kinetic;
+            return None;
+        }
+        let not_finite = self.state.first_not_finite(masses.len());
+        Some(match not_finite {
+            Some(block) => (Cause::NotFinite, block),
+            None => (Cause::EnergyOverflow, self.fastest_block()),
+        })
+    }
+
+    /// Kinetic energy after the attempted step, in J.
+    pub(crate) fn kinetic_energy(&self) -> f64 {
+        self.kinetic_energy
+    }
+
+    /// What dashpots and moving anchors took and gave in the attempted step, as
+    /// far as free nodes took part.
     pub(crate) fn flows(&self, interval: Interval) -> Flows {
-        let (system, before, after) = (&self.system, &self.before, &self.state);
-        let flows = self
-            .method
-            .flows()
-            .unwrap_or_else(|| Flows::trapezoidal(system, before, after, interval));
-        flows + Flows::between_fixed(system, &before.x, after, interval.size)
+        let ends = [&self.before, &self.state];
+        let of_method = self.method.flows();
+        of_method.unwrap_or_else(|| Flows::trapezoidal(&self.system, ends, interval.size))
+    }
+
+    /// The state before the last step.
+    pub(crate) fn before(&self) -> &State {
+        &self.before
     }
 
     /// A sharper estimate of the error of the attempted step, if there is one.
@@ -212,12 +235,15 @@ impl Stepper {
         self.method.second_estimate(&self.system, &self.state, work)
     }
 
-    /// The error of a step that did not work out.
+    /// The error of a step that did not work out, or of a state within the last
+    /// one.
     pub(crate) fn error(&self, cause: Cause, block: usize, interval: Interval) -> StepError {
+        // A step that stands is counted already.
+        let stands = self.state.time > interval.start;
         StepError {
             cause,
             node: self.system.numbering().node(block),
-            step: self.steps + 1,
+            step: self.steps + u64::from(!stands),
             time: interval.start,
             step_size: interval.size,
             suspect: self.suspect(block),

@@ -19,7 +19,7 @@ pub(crate) enum Extra {
     Csv,
     /// filmstrip.svg: the first, the middle and the last frame
     Svg,
-    /// energy.csv: where the energy is and went, at the first step from each frame on
+    /// energy.csv: where the energy is and went, at each frame
     Energy,
 }
 

@@ -8,7 +8,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use serde::Serialize;
 use springs_assembly::{Energy, compile};
 use springs_scene::{Method, Scene, StepControl, printable};
-use springs_step::{Outcome, SetupError, Simulation};
+use springs_step::{Cause, Outcome, SetupError, Simulation};
 use std::fmt::Write as _;
 use std::ops::ControlFlow;
 use std::sync::atomic::AtomicBool;
@@ -153,7 +153,12 @@ fn fate(scene: &Scene, stop: &AtomicBool) -> Option<Fate> {
     match simulation.run(1, &mut Stoppable(stop)) {
         Ok(Outcome::Finished) => {}
         Ok(Outcome::Stopped) => return None,
-        Err(_) => return Some(Fate::Failed),
+        Err(error) => {
+            return Some(match error.cause {
+                Cause::EnergyDiverged | Cause::EnergyOverflow => Fate::Gained,
+                _ => Fate::Failed,
+            });
+        }
     }
     let (ledger, end) = (simulation.ledger(), simulation.energy());
     let gain = ledger.method_gain(&end);

@@ -1,0 +1,243 @@
+//! Runs whose energy diverges end with an error, at once and also in their last
+//! step; runs that are almost at rest do not.
+
+mod common;
+
+use common::{Random, append, tangle, with};
+use nalgebra::Vector3;
+use springs::assembly::compile;
+use springs::scene::{Method, Node, Scene};
+use springs::step::{
+    Account, Cause, Frame, Islands, NodeStates, Observer, Simulation, State, StepError,
+};
+use std::ops::ControlFlow;
+
+/// 1 kg at 1 m/s on a spring of 1e8 N/m: 0.5 J, and hω = 1e4 for steps of 1 s.
+fn stiff(method: Method, duration: f64) -> Scene {
+    let mut scene = Scene::default();
+    scene.add_node(Node::fixed(Vector3::zeros()));
+    scene.add_node(Node {
+        mass: 1.0,
+        velocity: Vector3::x(),
+        ..Node::at(Vector3::x())
+    });
+    scene.add_spring(0, 1, 1e8);
+    scene.settings.duration = duration;
+    with(&scene, method, None, 1.0)
+}
+
+fn failure(scene: &Scene) -> (StepError, Simulation) {
+    let mut simulation = Simulation::new(scene).unwrap();
+    let error = simulation.run(1, &mut ()).expect_err("it diverges");
+    (error, simulation)
+}
+
+/// From the first step on and in the last one, by the energy of springs as well as
+/// by that of motion; the step is then not made, and steps and time agree.
+#[test]
+fn energy_that_diverges_is_an_error_in_any_step() {
+    let explicit = [
+        Method::VelocityVerlet,
+        Method::BlanesMoan4,
+        Method::BlanesMoan6,
+        Method::Dop853,
+    ];
+    for method in explicit {
+        for duration in [1.0, 2.0, 3.0] {
+            for rescue in [false, true] {
+                let mut scene = stiff(method, duration);
+                scene.settings.rescue = rescue;
+                let (error, simulation) = failure(&scene);
+                assert_eq!(error.cause, Cause::EnergyDiverged, "{method}: {error}");
+                assert_eq!(error.node, 1);
+                assert!(
+                    error
+                        .to_string()
+                        .starts_with("the energy diverged at node 1 in step 1")
+                );
+                let steps = simulation.work().counts.steps;
+                assert_eq!((error.step, error.time), (steps + 1, steps as f64));
+                assert_eq!(simulation.stepper().time(), error.time);
+                assert!(simulation.energy().total() < 1e4);
+            }
+        }
+    }
+    // The mass hardly moves at the ends of steps; the spring is metres long.
+    let (error, simulation) = failure(&stiff(Method::FilteredLeapfrog, 100.0));
+    assert_eq!(error.cause, Cause::EnergyDiverged);
+    assert!(simulation.energy().total() < 1e4);
+}
+
+#[test]
+fn a_step_whose_energy_diverges_changes_nothing() {
+    let mut scene = stiff(Method::VelocityVerlet, 3.0);
+    scene.nodes[1].velocity = Vector3::zeros();
+    scene.nodes[1].position.x = 1.0 + 1e-9;
+    let mut simulation = Simulation::new(&scene).unwrap();
+    let before = simulation.nodes().clone();
+    simulation.step().expect_err("it diverges");
+    assert_eq!(*simulation.nodes(), before);
+    assert_eq!(simulation.stepper().time(), 0.0);
+    assert_eq!(simulation.energy(), simulation.ledger().start);
+}
+
+/// At coordinates near 1e3 m, rounding is good for more energy than slow motions
+/// have.
+#[test]
+fn scenes_almost_at_rest_are_no_alarm() {
+    let mut random = Random(11);
+    for case in 0..60 {
+        let mut scene = Scene::default();
+        let centre = random.vector(1e3);
+        for node in 0..3 {
+            scene.add_node(Node {
+                fixed: node == 0,
+                mass: 1.0,
+                ..Node::at(centre + random.vector(1.0))
+            });
+        }
+        let stiffness = 10f64.powf(random.between(3.0, 8.0));
+        for (a, b) in [(0, 1), (1, 2), (2, 0)] {
+            scene.add_spring(a, b, stiffness);
+        }
+        let speed = 10f64.powf(random.between(-16.0, -9.0));
+        scene.nodes[1].velocity = random.vector(speed);
+        let h = 0.2 / stiffness.sqrt();
+        scene.settings.duration = 2000.0 * h;
+        let methods = [
+            Method::TrBdf2,
+            Method::VelocityVerlet,
+            Method::ImplicitMidpoint,
+        ];
+        let scene = with(&scene, methods[case % 3], None, h);
+        let mut simulation = Simulation::new(&scene).unwrap();
+        if let Err(error) = simulation.run(1, &mut ()) {
+            panic!("K = {stiffness:e}, v = {speed:e}: {error}");
+        }
+    }
+}
+
+/// Filtered leapfrog holds a weight with a stretch of about αh² times the
+/// acceleration, a tenth of a millimetre here, whatever the stiffness; by that the
+/// springs would have far more energy than there is.
+#[test]
+fn filtered_stretch_is_no_alarm() {
+    let mut scene = common::moving::pendulum(1e15);
+    scene.settings.duration = 1.0;
+    let scene = with(&scene, Method::FilteredLeapfrog, None, 0.01);
+    let mut simulation = Simulation::new(&scene).unwrap();
+    simulation.run(1, &mut ()).unwrap();
+    assert!(simulation.energy().elastic > 1e5);
+    let length = simulation.nodes().positions[1].norm();
+    assert!((length - 1.0).abs() < 2e-3, "{length}");
+}
+
+/// Holds every account against the energy of the frame of the same time.
+struct Compare<'a> {
+    scene: &'a Scene,
+    frame: Option<(f64, NodeStates)>,
+    accounts: Vec<Account>,
+}
+
+impl Observer for Compare<'_> {
+    fn frame(&mut self, frame: Frame<'_>) -> ControlFlow<()> {
+        self.frame = Some((frame.time, frame.nodes.clone()));
+        ControlFlow::Continue(())
+    }
+
+    fn wants_account(&self) -> bool {
+        self.frame.is_some()
+    }
+
+    fn account(&mut self, account: Account) -> ControlFlow<()> {
+        let (time, nodes) = self.frame.take().expect("after a frame");
+        assert_eq!(account.time, time);
+        let mut scene = self.scene.clone();
+        scene.settings.skip = false;
+        nodes.write_to(&mut scene);
+        for (spring, old) in scene.springs.iter_mut().zip(&self.scene.springs) {
+            spring.rest_length = old.rest_length;
+        }
+        let system = compile(&scene).unwrap();
+        let state = State {
+            time,
+            x: system.initial_positions().to_vec(),
+            v: system.initial_velocities().to_vec(),
+        };
+        let (energy, expected) = (account.energy, system.energy(&state.x, &state.v));
+        for (part, expected) in [
+            (energy.kinetic, expected.kinetic),
+            (energy.elastic, expected.elastic),
+            (energy.gravity, expected.gravity),
+        ] {
+            let error = (part - expected).abs();
+            assert!(
+                error < 1e-11 * (1.0 + expected.abs()),
+                "{time}: {part} {expected}"
+            );
+        }
+        self.accounts.push(account);
+        ControlFlow::Continue(())
+    }
+}
+
+fn accounts(scene: &Scene, intervals: usize) -> Vec<Account> {
+    let mut observer = Compare {
+        scene,
+        frame: None,
+        accounts: Vec::new(),
+    };
+    let mut islands = Islands::new(scene).unwrap();
+    islands.run(intervals, &mut observer).unwrap();
+    assert_eq!(observer.accounts.len(), intervals + 1);
+    let last = observer.accounts[intervals];
+    assert_eq!(
+        (last.energy, last.ledger),
+        (islands.energy(), islands.ledger())
+    );
+    observer.accounts
+}
+
+/// Energies and flows of several parts, each with steps of its own, are those of
+/// one time; some of the parts may sleep.
+#[test]
+fn accounts_of_several_parts_are_of_one_time() {
+    let mut scene = tangle(8, 4);
+    let mut other = tangle(7, 6);
+    other.nodes.iter_mut().for_each(|node| node.mass *= 30.0);
+    append(&mut scene, &other);
+    // A weight that comes to rest.
+    let mut weight = Scene::default();
+    weight.add_node(Node::fixed(Vector3::zeros()));
+    weight.add_node(Node {
+        mass: 0.1,
+        velocity: Vector3::new(0.0, 0.0, 0.1),
+        ..Node::at(Vector3::new(0.0, 0.0, -1.0))
+    });
+    weight.add_spring(0, 1, 1e3);
+    weight.springs[0].damping = 15.0;
+    append(&mut scene, &weight);
+    scene.settings.duration = 0.6;
+    for (method, tolerance, allowed) in [(Method::Dop853, 1e-8, 1e-5), (Method::TrBdf2, 1e-6, 2e-3)]
+    {
+        scene.settings.method = method;
+        scene.settings.step = springs::scene::StepControl::Tolerance(tolerance);
+        scene.settings.skip = true;
+        let apart = accounts(&scene, 41);
+        scene.settings.skip = false;
+        let together = accounts(&scene, 41);
+        for (a, b) in apart.iter().zip(&together) {
+            for (a, b) in [
+                (a.energy.total(), b.energy.total()),
+                (a.ledger.dashpot_heat, b.ledger.dashpot_heat),
+                (a.ledger.anchor_work, b.ledger.anchor_work),
+                (a.ledger.method_gain(&a.energy), 0.0),
+            ] {
+                assert!((a - b).abs() < allowed, "{method}: {a} {b}");
+            }
+        }
+    }
+    scene.settings.skip = true;
+    scene.settings.sleep = Some(1e-3);
+    accounts(&scene, 41);
+}
