@@ -13,7 +13,8 @@ pub(crate) enum Between {
     Polynomial {
         /// Order of the method.
         order: u32,
-        /// From this step size on, in s, it is a straight line.
+        /// From this step size on, in s, it is a straight line; never if zero, as
+        /// where massless nodes leave the frequency without a bound.
         straight_from: f64,
     },
     /// By a step of the method to where the state is wanted, with an instance
