@@ -1,5 +1,6 @@
 //! Preconditioned conjugate gradients.
 
+use crate::Interrupt;
 use crate::block::dot;
 use crate::rows::Rows;
 
@@ -15,10 +16,20 @@ pub(crate) enum Ending {
     Converged,
     /// Too many iterations.
     Stalled,
+    Interrupted,
     /// A direction d with dᵀA d ≤ 0, largest in this block.
     Indefinite {
         block: usize,
     },
+}
+
+/// When a solution ends.
+#[derive(Clone, Copy)]
+pub(crate) struct Until<'a> {
+    /// Relative to the solution in the norm of the preconditioner.
+    pub(crate) accuracy: f64,
+    pub(crate) most_iterations: usize,
+    pub(crate) interrupt: &'a Interrupt,
 }
 
 /// The method of Hestenes and Stiefel (J. Res. Natl. Bur. Stand. 49, 1952) with
@@ -54,15 +65,18 @@ impl<const D: usize> ConjugateGradients<D> {
         (32 * D * n_blocks) as u64
     }
 
-    /// Solves A x = b for b in `residual`, to `accuracy` relative to the
-    /// solution in the norm of the preconditioner; in `residual` is then that of
-    /// x, but for the last correction, which the preconditioner gives.
+    /// Solves A x = b for b in `residual`, to the accuracy asked for; in
+    /// `residual` is then that of x, but for the last correction, which the
+    /// preconditioner gives.
     pub(crate) fn solve<const P: usize>(
         &mut self,
         matrix: &Rows<P>,
         preconditioner: &mut dyn Preconditioner<D, P>,
-        accuracy: f64,
-        most_iterations: usize,
+        Until {
+            accuracy,
+            most_iterations,
+            interrupt,
+        }: Until<'_>,
         x: &mut [[f64; D]],
     ) -> Ending {
         x.fill([0.0; D]);
@@ -74,6 +88,9 @@ impl<const D: usize> ConjugateGradients<D> {
         let first = remaining;
         self.direction.copy_from_slice(&self.preconditioned);
         for _ in 0..most_iterations {
+            if interrupt.is_requested() {
+                return Ending::Interrupted;
+            }
             self.iterations += 1;
             matrix.multiply(&self.direction, &mut self.product);
             let curvature = product(&self.direction, &self.product);

@@ -1,11 +1,11 @@
 //! A solver of matrices with blocks of one dimension.
 
-use crate::conjugate_gradients::{ConjugateGradients, Ending};
+use crate::conjugate_gradients::{ConjugateGradients, Ending, Until};
 use crate::direct::Direct;
 use crate::multilevel::Multilevel;
 use crate::route::Chooser;
 use crate::rows::Rows;
-use crate::{Counts, Experience, Options, Price, Route, SolveError};
+use crate::{Counts, Experience, Interrupt, Options, Price, Route, SolveError};
 
 /// A solver of A x = b with symmetric D × D blocks of P packed entries.
 pub(crate) struct Core<const D: usize, const P: usize> {
@@ -93,6 +93,14 @@ impl<const D: usize, const P: usize> Core<D, P> {
         &mut self.chooser.experience
     }
 
+    pub(crate) fn set_interrupt(&mut self, interrupt: &Interrupt) {
+        self.direct.interrupt = interrupt.clone();
+    }
+
+    fn is_interrupted(&self) -> bool {
+        self.direct.interrupt.is_requested()
+    }
+
     /// What was done so far.
     pub(crate) fn counts(&self) -> Counts {
         self.counts
@@ -109,6 +117,9 @@ impl<const D: usize, const P: usize> Core<D, P> {
         off_diagonal: &[[f64; P]],
     ) -> Result<(), SolveError> {
         self.has_matrix = false;
+        if self.is_interrupted() {
+            return Err(SolveError::Interrupted);
+        }
         self.take_matrix(diagonal, off_diagonal)?;
         self.has_matrix = true;
         Ok(())
@@ -175,6 +186,7 @@ impl<const D: usize, const P: usize> Core<D, P> {
             self.chooser.record(iterations);
             match ending {
                 Ending::Converged => return Ok(()),
+                Ending::Interrupted => return Err(SolveError::Interrupted),
                 Ending::Indefinite { block } => {
                     return Err(SolveError::NotPositiveDefinite { block });
                 }
@@ -186,8 +198,10 @@ impl<const D: usize, const P: usize> Core<D, P> {
         }
         if self.now == Route::Mixed {
             let (ending, _) = self.iterate(blocks, MIXED_ACCURACY, MOST_MIXED_ITERATIONS);
-            if ending == Ending::Converged {
-                return Ok(());
+            match ending {
+                Ending::Converged => return Ok(()),
+                Ending::Interrupted => return Err(SolveError::Interrupted),
+                Ending::Stalled | Ending::Indefinite { .. } => {}
             }
             self.now = Route::Double;
             self.factorize()?;
@@ -212,10 +226,15 @@ impl<const D: usize, const P: usize> Core<D, P> {
         } = self.iterative.as_mut().expect("made with the route");
         let before = gradients.iterations;
         gradients.residual.copy_from_slice(b);
+        let interrupt = self.direct.interrupt.clone();
+        let until = Until {
+            accuracy,
+            most_iterations,
+            interrupt: &interrupt,
+        };
         let ending = match (self.now, multilevel) {
             (Route::Iterative, Some(multilevel)) => {
-                let ending =
-                    gradients.solve(matrix, multilevel, accuracy, most_iterations, solution);
+                let ending = gradients.solve(matrix, multilevel, until, solution);
                 if ending == Ending::Converged {
                     multilevel.correct(gradients.residual_after_correction(matrix), solution);
                 }
@@ -223,7 +242,7 @@ impl<const D: usize, const P: usize> Core<D, P> {
             }
             _ => {
                 let mut single = self.direct.single();
-                gradients.solve(matrix, &mut single, accuracy, most_iterations, solution)
+                gradients.solve(matrix, &mut single, until, solution)
             }
         };
         if ending == Ending::Converged {

@@ -1,15 +1,14 @@
 //! Direct solution: one order of elimination, and factors that share it.
 
-use crate::SolveError;
 use crate::block::Rounding;
 use crate::dissection::nested_dissection;
 use crate::fronts::{Elimination, Fronts};
 use crate::graph::minimum_degree;
-use crate::multifrontal::{Multifrontal, filled};
+use crate::multifrontal::{Multifrontal, NoFactor, filled};
 use crate::rows::Rows;
 use crate::single::{Single, Substitution};
 use crate::tree::Tree;
-use crate::{FactorSize, Options};
+use crate::{FactorSize, Interrupt, Options, SolveError};
 
 /// The symbolic factorization P A Pᵀ = L Lᵀ of a pattern, and the factors made
 /// with it; each is allocated when it is first needed.
@@ -25,6 +24,8 @@ pub(crate) struct Direct<const D: usize, const P: usize> {
     tree: Option<Tree<D, P>>,
     double: Option<Double<D, P>>,
     single: Option<Single<D, P>>,
+    /// Heard by factorizations.
+    pub(crate) interrupt: Interrupt,
 }
 
 /// A factor in double precision.
@@ -53,6 +54,7 @@ impl<const D: usize, const P: usize> Direct<D, P> {
             order: elimination.order,
             double: None,
             single: None,
+            interrupt: Interrupt::default(),
         })
     }
 
@@ -97,9 +99,12 @@ impl<const D: usize, const P: usize> Direct<D, P> {
         }
     }
 
-    fn not_positive(&self, column: usize) -> SolveError {
-        SolveError::NotPositiveDefinite {
-            block: self.order[column],
+    fn no_factor(&self, why: NoFactor) -> SolveError {
+        match why {
+            NoFactor::NotPositive { column } => SolveError::NotPositiveDefinite {
+                block: self.order[column],
+            },
+            NoFactor::Interrupted => SolveError::Interrupted,
         }
     }
 
@@ -111,7 +116,7 @@ impl<const D: usize, const P: usize> Direct<D, P> {
     ) -> Result<(), SolveError> {
         if let Some(tree) = &mut self.tree {
             let done = tree.factorize(diagonal, off_diagonal, self.rounding);
-            return done.map_err(|failure| self.not_positive(failure.column));
+            return done.map_err(|why| self.no_factor(why));
         }
         let n_blocks = self.n_blocks();
         let double = self.allocate_double()?;
@@ -134,10 +139,11 @@ impl<const D: usize, const P: usize> Direct<D, P> {
 
     fn factorize_blocks(&mut self) -> Result<(), SolveError> {
         let double = self.double.as_mut().expect("allocated");
-        let done = double
-            .factor
-            .factorize(&self.fronts, &double.blocks, self.rounding);
-        done.map_err(|failure| self.not_positive(failure.column))
+        let done =
+            double
+                .factor
+                .factorize(&self.fronts, &double.blocks, self.rounding, &self.interrupt);
+        done.map_err(|why| self.no_factor(why))
     }
 
     fn allocate_double(&mut self) -> Result<&mut Double<D, P>, SolveError> {
@@ -163,8 +169,8 @@ impl<const D: usize, const P: usize> Direct<D, P> {
             self.single = Some(single.ok_or(self.too_large())?);
         }
         let single = self.single.as_mut().expect("allocated");
-        let done = single.factorize(&self.fronts, matrix, self.rounding);
-        done.map_err(|failure| self.not_positive(failure.column))
+        let done = single.factorize(&self.fronts, matrix, self.rounding, &self.interrupt);
+        done.map_err(|why| self.no_factor(why))
     }
 
     /// The factor in single precision; there must have been one.

@@ -26,6 +26,7 @@ mod direct;
 mod dissection;
 mod fronts;
 mod graph;
+mod interrupt;
 mod multifrontal;
 mod multilevel;
 mod registers;
@@ -37,6 +38,7 @@ mod solver;
 mod substitution;
 mod tree;
 
+pub use interrupt::Interrupt;
 pub use route::{Price, Route};
 pub use solver::{Solver, Subspace};
 
@@ -132,6 +134,9 @@ pub enum SolveError {
     /// There is no matrix: none was set, or the last one was refused.
     #[error("there is no matrix to solve with: none was set, or the last one was refused")]
     NoMatrix,
+    /// It was [asked to stop](Interrupt).
+    #[error("interrupted")]
+    Interrupted,
     /// The factor has more entries than can be indexed or stored.
     #[error("the factor of {n_blocks} blocks is too large for this machine")]
     TooLarge {

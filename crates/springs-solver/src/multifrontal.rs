@@ -1,5 +1,6 @@
 //! Numeric factorization and solution on fronts.
 
+use crate::Interrupt;
 use crate::block::{PIVOT_ROUNDING, Rounding, dot, rows};
 use crate::fronts::{Entry, Fronts};
 use crate::registers::with_clean_registers;
@@ -103,11 +104,15 @@ const WORTH_A_THREAD: f64 = 1.5e7;
 const FEW_COLUMNS: usize = 7;
 const FEW_ROWS: usize = 28;
 
-/// The column where the matrix is not positive definite, in order of
-/// elimination.
+/// Why there is no factor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct NotPositive {
-    pub(crate) column: usize,
+pub(crate) enum NoFactor {
+    /// The matrix is not positive definite at this column, in order of
+    /// elimination.
+    NotPositive {
+        column: usize,
+    },
+    Interrupted,
 }
 
 /// Where everything is, in scalars.
@@ -243,7 +248,8 @@ impl<T: Real, const D: usize, const P: usize> Multifrontal<T, D, P> {
         fronts: &Fronts,
         blocks: &[[T; P]],
         rounding: Rounding,
-    ) -> Result<(), NotPositive> {
+        interrupt: &Interrupt,
+    ) -> Result<(), NoFactor> {
         let layout = &self.layout;
         let threads = match layout.flops > WORTH_A_THREAD {
             true => self.desks.len(),
@@ -256,6 +262,7 @@ impl<T: Real, const D: usize, const P: usize> Multifrontal<T, D, P> {
             blocks,
             rounding,
             layout,
+            interrupt,
         };
         let (my_desk, other_desks) = self.desks.split_first_mut().expect("one thread at least");
         let mut result = Ok(());
@@ -318,14 +325,17 @@ impl<T: Real, const D: usize, const P: usize> Multifrontal<T, D, P> {
     }
 }
 
-fn first_failure(
-    a: Result<(), NotPositive>,
-    b: Result<(), NotPositive>,
-) -> Result<(), NotPositive> {
+/// The failure that one thread, which goes from column to column, would have met.
+fn first_failure(a: Result<(), NoFactor>, b: Result<(), NoFactor>) -> Result<(), NoFactor> {
     match (a, b) {
-        (Err(a), Err(b)) if b.column < a.column => Err(b),
-        (Err(a), _) => Err(a),
-        (Ok(()), b) => b,
+        (
+            Err(NoFactor::NotPositive { column: of_a }),
+            Err(NoFactor::NotPositive { column: of_b }),
+        ) => Err(NoFactor::NotPositive {
+            column: of_a.min(of_b),
+        }),
+        (Err(NoFactor::NotPositive { .. }) | Ok(()), b @ Err(_)) => b,
+        (a, _) => a,
     }
 }
 
@@ -435,6 +445,7 @@ struct Within<'a, T, const D: usize, const P: usize> {
     blocks: &'a [[T; P]],
     rounding: Rounding,
     layout: &'a Layout,
+    interrupt: &'a Interrupt,
 }
 
 impl<T: Real, const D: usize, const P: usize> Within<'_, T, D, P> {
@@ -448,7 +459,7 @@ impl<T: Real, const D: usize, const P: usize> Within<'_, T, D, P> {
         stack: &mut [T],
         (desk, threads): (&mut Desk<T>, usize),
         finished: impl Fn(usize) -> Option<&'b [T]>,
-    ) -> Result<(), NotPositive>
+    ) -> Result<(), NoFactor>
     where
         T: 'b,
     {
@@ -461,6 +472,9 @@ impl<T: Real, const D: usize, const P: usize> Within<'_, T, D, P> {
         let panel_of = |front: usize| starts[front] - base..starts[front + 1] - base;
         let size_of = |front: usize| update_size(fronts, front, D);
         for front in list {
+            if self.interrupt.is_requested() {
+                return Err(NoFactor::Interrupted);
+            }
             let (start, size) = (layout.update_starts[front], size_of(front));
             let in_place = layout.in_place[front];
             let (waiting, mine) = stack.split_at_mut(if in_place { start } else { 0 });
@@ -524,7 +538,7 @@ impl<T: Real, const D: usize, const P: usize> Within<'_, T, D, P> {
         errors: &mut [T],
         (memory, threads): (&mut MemBuffer, usize),
         update_of: impl Fn(usize) -> Option<&'b [T]>,
-    ) -> Result<(), NotPositive>
+    ) -> Result<(), NoFactor>
     where
         T: 'b,
     {
@@ -554,10 +568,10 @@ impl<T: Real, const D: usize, const P: usize> Within<'_, T, D, P> {
             true => result,
             false => {
                 let stack = MemStack::new(memory);
-                eliminate_dense::<T, D>(panel, update, errors, threads, stack)
+                eliminate_dense::<T, D>(panel, update, errors, (threads, self.interrupt), stack)
             }
         };
-        result.map_err(|column| NotPositive {
+        result.map_err(|column| NoFactor::NotPositive {
             column: fronts.first[front] as usize + column / D,
         })
     }
@@ -690,12 +704,13 @@ const TILE: usize = 192;
 /// Below this number of operations the tiles of a front stay on one thread.
 const WORTH_SHARING: f64 = 1e7;
 
-/// Elimination by dense kernels, for wide fronts; the column where it fails.
+/// Elimination by dense kernels, for wide fronts; the column where it fails. If it
+/// is interrupted, what is left of the front is of no use.
 fn eliminate_dense<T: Real, const D: usize>(
     panel: &mut [T],
     update: &mut [T],
     errors: &[T],
-    threads: usize,
+    (threads, interrupt): (usize, &Interrupt),
     stack: &mut MemStack,
 ) -> Result<(), usize> {
     let columns = errors.len();
@@ -703,6 +718,7 @@ fn eliminate_dense<T: Real, const D: usize>(
     let below = height - columns;
     let flops = columns as f64 * (height as f64).powi(2);
     let threads = if flops > WORTH_SHARING { threads } else { 1 };
+    let tiles = Tiles { threads, interrupt };
     for start in (0..columns).step_by(TILE) {
         let width = TILE.min(columns - start);
         let end = start + width;
@@ -741,20 +757,20 @@ fn eliminate_dense<T: Real, const D: usize>(
             return Err(start + k);
         }
         let transposed = rest.rb_mut().transpose_mut();
-        share(column_tiles(transposed), threads, |tile| {
+        tiles.each(column_tiles(transposed), |tile| {
             with_clean_registers(|| solve_lower_triangular_in_place(diagonal, tile, Par::Seq));
         });
         let rest = rest.rb();
         let n_later = columns - end;
         let later = MatMut::from_column_major_slice_mut(later, height, n_later);
         let (_, later) = later.split_at_row_mut(end);
-        share(column_tiles(later).enumerate(), threads, |(k, tile)| {
+        tiles.each(column_tiles(later).enumerate(), |(k, tile)| {
             subtract_product(rest, k * TILE, tile);
         });
         if below > 0 {
             let rest = rest.split_at_row(n_later).1;
             let update = MatMut::from_column_major_slice_mut(&mut *update, below, below);
-            share(column_tiles(update).enumerate(), threads, |(k, tile)| {
+            tiles.each(column_tiles(update).enumerate(), |(k, tile)| {
                 subtract_product(rest, k * TILE, tile);
             });
         }
@@ -806,15 +822,29 @@ fn column_tiles<'a, T: Real + 'a>(mut rest: MatMut<'a, T>) -> impl Iterator<Item
     })
 }
 
-/// Does every piece of work, in turns on several threads if they are wanted.
-fn share<P: Send>(pieces: impl Iterator<Item = P>, threads: usize, work: impl Fn(P) + Sync) {
-    if threads == 1 {
-        pieces.for_each(work);
-        return;
+/// How the tiles of a front are worked on.
+#[derive(Clone, Copy)]
+struct Tiles<'a> {
+    threads: usize,
+    interrupt: &'a Interrupt,
+}
+
+impl Tiles<'_> {
+    /// Does every piece of work, in turns on several threads if they are wanted;
+    /// none that is left when it is interrupted.
+    fn each<P: Send>(self, pieces: impl Iterator<Item = P>, work: impl Fn(P) + Sync) {
+        let work = |piece| {
+            if !self.interrupt.is_requested() {
+                work(piece);
+            }
+        };
+        if self.threads == 1 {
+            pieces.for_each(work);
+            return;
+        }
+        let shares = in_turns(pieces, self.threads);
+        work_off(shares, 0..self.threads, |piece, _| work(piece));
     }
-    work_off(in_turns(pieces, threads), 0..threads, |piece, _| {
-        work(piece)
-    });
 }
 
 /// y −= a·x.

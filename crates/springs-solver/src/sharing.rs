@@ -1,5 +1,8 @@
 //! Work shared out among threads.
 
+use std::sync::Mutex;
+use std::thread::Builder;
+
 /// Pieces of work for each thread: the largest first, to whom has the least.
 pub(crate) fn largest_first<P>(
     pieces: impl Iterator<Item = P>,
@@ -28,27 +31,38 @@ pub(crate) fn in_turns<P>(pieces: impl Iterator<Item = P>, threads: usize) -> Ve
 }
 
 /// Does the pieces of every share on a thread of its own, each with its desk; the
-/// first on this one. Results are in no particular order.
+/// first on this one, and those for which no thread can be started. Results are in
+/// no particular order.
 pub(crate) fn work_off<P: Send, D: Send, R: Send>(
     shares: Vec<Vec<P>>,
     desks: impl Iterator<Item = D>,
     work: impl Fn(P, &mut D) -> R + Sync,
 ) -> Vec<R> {
-    let all = |pieces: Vec<P>, mut desk: D| -> Vec<R> {
+    let shares = shares.into_iter().zip(desks);
+    let shares = shares.filter(|(pieces, _)| !pieces.is_empty());
+    // What no thread takes is still there.
+    let shares: Vec<_> = shares.map(|share| Mutex::new(Some(share))).collect();
+    let work_off = |share: &Mutex<Option<(Vec<P>, D)>>| -> Vec<R> {
+        let taken = share.lock().ok().and_then(|mut share| share.take());
+        let Some((pieces, mut desk)) = taken else {
+            return Vec::new();
+        };
         let done = pieces.into_iter().map(|piece| work(piece, &mut desk));
         done.collect()
     };
-    let all = &all;
+    let Some((mine, others)) = shares.split_first() else {
+        return Vec::new();
+    };
+    let work_off = &work_off;
     std::thread::scope(|scope| {
-        let mut shares = shares.into_iter().zip(desks);
-        let mine = shares.next();
-        let others: Vec<_> = shares
-            .filter(|(pieces, _)| !pieces.is_empty())
-            .map(|(pieces, desk)| scope.spawn(move || all(pieces, desk)))
-            .collect();
-        let mut results = mine.map_or(Vec::new(), |(pieces, desk)| all(pieces, desk));
-        for other in others {
-            results.extend(other.join().expect("work does not panic"));
+        let start = |share| Builder::new().spawn_scoped(scope, move || work_off(share));
+        let started: Vec<_> = others.iter().map(start).collect();
+        let mut results = work_off(mine);
+        for (share, thread) in others.iter().zip(started) {
+            results.extend(match thread {
+                Ok(thread) => thread.join().expect("work does not panic"),
+                Err(_) => work_off(share),
+            });
         }
         results
     })

@@ -1,9 +1,10 @@
 //! A factor in single precision.
 
+use crate::Interrupt;
 use crate::block::{Rounding, packed};
 use crate::conjugate_gradients::Preconditioner;
 use crate::fronts::Fronts;
-use crate::multifrontal::{Multifrontal, NotPositive, filled};
+use crate::multifrontal::{Multifrontal, NoFactor, filled};
 use crate::rows::Rows;
 
 /// Half the bytes and twice the operations a second of a factor in double
@@ -45,7 +46,8 @@ impl<const D: usize, const P: usize> Single<D, P> {
         fronts: &Fronts,
         matrix: &Rows<P>,
         rounding: Rounding,
-    ) -> Result<(), NotPositive> {
+        interrupt: &Interrupt,
+    ) -> Result<(), NoFactor> {
         let diagonal = matrix.diagonal();
         for (scale, block) in self.scales.iter_mut().zip(diagonal) {
             let diagonal = (0..D).map(|axis| block[packed::<D>(axis, axis)]);
@@ -63,7 +65,8 @@ impl<const D: usize, const P: usize> Single<D, P> {
         for (row, column, pair, block) in matrix.pairs() {
             pair_blocks[pair] = scaled(block, self.scales[row] * self.scales[column]);
         }
-        self.factor.factorize(fronts, &self.blocks, rounding)
+        self.factor
+            .factorize(fronts, &self.blocks, rounding, interrupt)
     }
 }
 

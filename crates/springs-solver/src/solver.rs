@@ -2,7 +2,7 @@
 
 use crate::block::{dot, packed, times};
 use crate::core::Core;
-use crate::{Counts, Experience, Options, Price, SolveError};
+use crate::{Counts, Experience, Interrupt, Options, Price, SolveError};
 
 /// Where solutions are known to lie, and what the matrices are then like.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -161,6 +161,16 @@ impl Solver {
         }
     }
 
+    /// Whom to hear while a matrix is taken or a system solved: asked to stop,
+    /// that ends soon with [`SolveError::Interrupted`].
+    pub fn set_interrupt(&mut self, interrupt: &Interrupt) {
+        match &mut self.kind {
+            Kind::Space(core) => core.set_interrupt(interrupt),
+            Kind::Plane(reduced) => reduced.core.set_interrupt(interrupt),
+            Kind::Line(reduced) | Kind::Isotropic(reduced) => reduced.core.set_interrupt(interrupt),
+        }
+    }
+
     /// What was done so far.
     pub fn counts(&self) -> Counts {
         let counts = match &self.kind {
@@ -180,8 +190,8 @@ impl Solver {
     ///
     /// # Errors
     ///
-    /// If the matrix is found not to be positive definite; there is then no
-    /// matrix until the next success.
+    /// If the matrix is found not to be positive definite, or it is interrupted;
+    /// there is then no matrix until the next success.
     ///
     /// # Panics
     ///
@@ -214,7 +224,8 @@ impl Solver {
     /// # Errors
     ///
     /// If there is no matrix, or it turns out not to be positive definite, or
-    /// there is not enough memory for a factor that turns out to be needed;
+    /// there is not enough memory for a factor that turns out to be needed, or it
+    /// is interrupted;
     /// there is then no matrix until the next success of [`Self::set_matrix`],
     /// and what stands in `rhs` is of no use.
     ///

@@ -2,7 +2,7 @@
 
 use crate::block::{PIVOT_ROUNDING, Rounding, add, backward, cholesky, dot, forward, packed, rows};
 use crate::fronts::Elimination;
-use crate::multifrontal::NotPositive;
+use crate::multifrontal::NoFactor;
 
 /// No parent.
 const ROOT: u32 = u32::MAX;
@@ -70,7 +70,7 @@ impl<const D: usize, const P: usize> Tree<D, P> {
         diagonal: &[[f64; P]],
         off_diagonal: &[[f64; P]],
         rounding: Rounding,
-    ) -> Result<(), NotPositive> {
+    ) -> Result<(), NoFactor> {
         for (column, &block) in self.columns.iter_mut().zip(&self.order) {
             column.diagonal = diagonal[block];
         }
@@ -79,7 +79,7 @@ impl<const D: usize, const P: usize> Tree<D, P> {
             let before = &diagonal[self.order[index]];
             let errors = rounding.diagonal_errors(before, PIVOT_ROUNDING * f64::EPSILON);
             let Some(factor) = cholesky::<D, P>(&column.diagonal, &errors) else {
-                return Err(NotPositive { column: index });
+                return Err(NoFactor::NotPositive { column: index });
             };
             column.diagonal = factor;
             if column.parent == ROOT {
