@@ -23,7 +23,7 @@ struct Patience(Instant);
 const LONGEST: Duration = Duration::from_secs(10);
 
 impl Observer for Patience {
-    fn step(&mut self, _time: f64) -> ControlFlow<()> {
+    fn step(&mut self, _time: f64, _steps: u64) -> ControlFlow<()> {
         match self.0.elapsed() > LONGEST {
             true => ControlFlow::Break(()),
             false => ControlFlow::Continue(()),

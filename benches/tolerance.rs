@@ -38,7 +38,7 @@ const LONG: Duration = Duration::from_secs(2);
 struct Patience(Instant);
 
 impl Observer for Patience {
-    fn step(&mut self, _time: f64) -> ControlFlow<()> {
+    fn step(&mut self, _time: f64, _steps: u64) -> ControlFlow<()> {
         match self.0.elapsed() > LONG {
             true => ControlFlow::Break(()),
             false => ControlFlow::Continue(()),

@@ -262,7 +262,7 @@ fn a_simulation_goes_on_after_a_stop() {
             self.1.push(frame.time);
             std::ops::ControlFlow::Continue(())
         }
-        fn step(&mut self, time: f64) -> std::ops::ControlFlow<()> {
+        fn step(&mut self, time: f64, _steps: u64) -> std::ops::ControlFlow<()> {
             match time < self.0 {
                 true => std::ops::ControlFlow::Continue(()),
                 false => std::ops::ControlFlow::Break(()),

@@ -17,7 +17,7 @@ use std::ops::ControlFlow;
 struct Patience(u32);
 
 impl Observer for Patience {
-    fn step(&mut self, _time: f64) -> ControlFlow<()> {
+    fn step(&mut self, _time: f64, _steps: u64) -> ControlFlow<()> {
         self.0 -= 1;
         match self.0 {
             0 => ControlFlow::Break(()),

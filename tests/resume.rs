@@ -33,7 +33,7 @@ impl Observer for Watcher {
         ControlFlow::Continue(())
     }
 
-    fn step(&mut self, _time: f64) -> ControlFlow<()> {
+    fn step(&mut self, _time: f64, _steps: u64) -> ControlFlow<()> {
         match &mut self.calls_left {
             Some(0) => ControlFlow::Break(()),
             Some(left) => {

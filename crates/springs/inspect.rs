@@ -147,7 +147,7 @@ fn list_matrices(islands: &Islands, savings: &mut Savings) {
             .map(|part| 3 * part.stepper().system().n_free())
             .sum()
     };
-    let explicit = unknowns(&|part| !part.choice().has_matrix());
+    let explicit = unknowns(&|part| !part.needs_trials() && !part.choice().has_matrix());
     if explicit > 0 {
         savings.add(
             format!("an explicit method moves {explicit} unknowns"),

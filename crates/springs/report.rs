@@ -7,7 +7,7 @@ use springs_io::{
     SwitchReport, TrialsReport,
 };
 use springs_scene::Scene;
-use springs_step::{Account, Counts, Islands, Pace, Part, StepError, Work};
+use springs_step::{Account, Islands, Pace, Part, StepError, Work};
 use std::time::Duration;
 
 /// How a run ended.
@@ -50,35 +50,28 @@ impl TurnedOver {
 pub struct Timings {
     /// Everything, from reading the scene on.
     pub total: Duration,
-    /// Reading, compiling, symbolic factorization, trial runs.
+    /// Reading, compiling, symbolic factorization.
     pub setup: Duration,
+    /// Trial runs.
+    pub trials: Duration,
     /// Steps and frames, without writing.
     pub stepping: Duration,
     /// Writing frames and files.
     pub output: Duration,
 }
 
-/// The report of a simulation of `scene`; `trials` is what had been done before
-/// its first step.
+/// The report of a simulation of `scene`.
 pub fn report(
     scene: &Scene,
     islands: &Islands,
     ending: Ending,
     timings: Timings,
-    trials: &Work,
     turned_over: TurnedOver,
 ) -> Report {
     let largest = islands.largest().simulation();
     let choice = largest.choice();
-    let work = islands.work();
-    let counts = Counts {
-        symbolic_factorizations: work.counts.symbolic_factorizations,
-        steps: work.counts.steps,
-        ..work.counts - trials.counts
-    };
-    let trial_time = trials.phases.assembly + trials.phases.factorization + trials.phases.solve;
-    let since = |now: Duration, before: Duration| now.saturating_sub(before).as_secs_f64();
-    let (phases, before) = (work.phases, trials.phases);
+    let Work { counts, phases } = islands.work();
+    let trials = islands.trial_work();
     Report {
         springs_version: env!("CARGO_PKG_VERSION").to_owned(),
         scene: scene.name.clone(),
@@ -133,12 +126,12 @@ pub fn report(
         simulated_seconds: islands.time(),
         seconds: SecondsReport {
             total: timings.total.as_secs_f64(),
-            setup: since(timings.setup, trial_time),
-            trials: trial_time.min(timings.setup).as_secs_f64(),
+            setup: timings.setup.as_secs_f64(),
+            trials: timings.trials.as_secs_f64(),
             stepping: timings.stepping.as_secs_f64(),
-            assembly: since(phases.assembly, before.assembly),
-            factorization: since(phases.factorization, before.factorization),
-            solve: since(phases.solve, before.solve),
+            assembly: phases.assembly.as_secs_f64(),
+            factorization: phases.factorization.as_secs_f64(),
+            solve: phases.solve.as_secs_f64(),
             output: timings.output.as_secs_f64(),
         },
         energy: energy(islands, turned_over),

@@ -13,6 +13,11 @@ pub struct Interrupt {
 }
 
 impl Interrupt {
+    /// Whether it may ever ask work to stop.
+    pub fn can_be_requested(&self) -> bool {
+        self.flag.is_some()
+    }
+
     /// Whether work is asked to stop.
     pub fn is_requested(&self) -> bool {
         let flag = self.flag.as_ref();

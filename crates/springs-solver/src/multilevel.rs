@@ -275,7 +275,8 @@ fn aggregate(n_blocks: usize, pairs: &[[u32; 2]]) -> (Vec<u32>, usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::conjugate_gradients::{ConjugateGradients, Ending};
+    use crate::Interrupt;
+    use crate::conjugate_gradients::{ConjugateGradients, Ending, Until};
 
     fn grid(side: u32) -> Vec<[u32; 2]> {
         let node = move |i: u32, j: u32| i * side + j;
@@ -319,7 +320,12 @@ mod tests {
         }
         let b = gradients.residual.clone();
         let mut x = vec![[0.0; 3]; n_blocks];
-        let ending = gradients.solve(&rows, &mut multilevel, 1e-10, 1000, &mut x);
+        let until = Until {
+            accuracy: 1e-10,
+            most_iterations: 1000,
+            interrupt: &Interrupt::default(),
+        };
+        let ending = gradients.solve(&rows, &mut multilevel, until, &mut x);
         assert_eq!(ending, Ending::Converged);
         let mut product = b.clone();
         rows.multiply(&x, &mut product);

@@ -1,14 +1,14 @@
 //! The method of `Auto` with a tolerance: tried out on the scene itself.
 
-use crate::choose::{Choice, Schedule, Start, can_move};
+use crate::choose::{Choice, Schedule, can_move};
 use crate::controller::Controller;
 use crate::linear;
-use crate::pilot::equal_steps;
+use crate::trials::{Abandoned, EqualSteps, Trials, Unsettled, equal_steps};
 use crate::work::Counts;
 use crate::{Anchors, HiddenState, Interval, Method, SetupError, State, StepPlan, Work};
 use springs_assembly::System;
 use springs_scene::{self as scene, Scene};
-use springs_solver::Price;
+use springs_solver::{Interrupt, Price};
 
 /// Chooses among the methods by what they would cost from here on.
 ///
@@ -36,6 +36,7 @@ pub(crate) struct Auto {
     price: f64,
     step_size: f64,
     tried: State,
+    interrupt: Interrupt,
 }
 
 /// A method that may be chosen.
@@ -56,6 +57,13 @@ impl Candidate {
     fn is_explicit(&self) -> bool {
         self.evaluations > 0.0
     }
+}
+
+/// What trial runs have settled.
+pub(crate) struct Settled {
+    pub(crate) choice: Choice,
+    pub(crate) method: Box<dyn Method>,
+    pub(crate) schedule: Schedule,
 }
 
 /// A method to go on with.
@@ -107,11 +115,7 @@ const MUCH: f64 = 2.5;
 
 impl Auto {
     /// The candidates for a scene.
-    ///
-    /// # Errors
-    ///
-    /// If the matrix cannot be analyzed.
-    pub(crate) fn new(scene: &Scene, system: &System, choice: &Choice) -> Result<Self, SetupError> {
+    pub(crate) fn new(scene: &Scene, system: &System, choice: &Choice) -> Self {
         let fastest = system.frequency_bound().max(system.damping_rate_bound());
         let costs = Costs::of(system);
         let n_nodes = system.n_free() as f64;
@@ -132,7 +136,7 @@ impl Auto {
             });
         let implicit = IMPLICIT.map(|method| candidate(method, 0.0, f64::INFINITY, 0.0));
         let candidates = explicit.chain(implicit);
-        Ok(Self {
+        Self {
             candidates: candidates
                 .filter(|candidate| can_move(scene, system, candidate.choice.method).is_ok())
                 .collect(),
@@ -144,7 +148,27 @@ impl Auto {
             price: 0.0,
             step_size: 0.0,
             tried: State::initial(system),
-        })
+            interrupt: Interrupt::default(),
+        }
+    }
+
+    /// Whom its methods hear.
+    pub(crate) fn set_interrupt(&mut self, interrupt: &Interrupt) {
+        self.interrupt = interrupt.clone();
+        for candidate in &mut self.candidates {
+            if let Some(method) = &mut candidate.idle {
+                method.set_interrupt(interrupt);
+            }
+        }
+    }
+
+    /// As if nothing had been tried.
+    fn forget(&mut self) {
+        self.current = 0;
+        self.costs.forget_system();
+        for candidate in &mut self.candidates {
+            candidate.idle = None;
+        }
     }
 
     /// Hands over what the choice depends on. Methods that were built are built
@@ -161,13 +185,17 @@ impl Auto {
         }
         let mut is_known = self.costs.is_system_known;
         state.flag(&mut is_known);
-        if is_known && self.costs.learn_system(system).is_err() {
+        if !is_known {
+            self.costs.forget_system();
+        } else if self.costs.learn_system(system).is_err() {
             state.refuse();
         }
         for index in 0..self.candidates.len() {
             let mut is_built = self.candidates[index].idle.is_some();
             state.flag(&mut is_built);
-            if is_built && self.ensure_built(system, index).is_err() {
+            if !is_built {
+                self.candidates[index].idle = None;
+            } else if self.ensure_built(system, index).is_err() {
                 state.refuse();
             }
             if let Some(method) = &mut self.candidates[index].idle {
@@ -190,24 +218,39 @@ impl Auto {
         Some(self.hand_over(Trial::default(), String::new()))
     }
 
-    /// What to start with. TR-BDF2 can move any scene, so there is a candidate.
-    pub(crate) fn start(
-        mut self,
+    /// The first candidate, where nothing is to be done. TR-BDF2 can move any
+    /// scene, so there is one.
+    pub(crate) fn first(&mut self, system: &System) -> Result<Picked, SetupError> {
+        self.ensure_built(system, 0)?;
+        Ok(self.hand_over(Trial::default(), "there is nothing to do".to_owned()))
+    }
+
+    /// Finds out by trial steps and runs what to start with. If that is stopped,
+    /// nothing is left of it.
+    pub(crate) fn settle(
+        &mut self,
+        compiled: (&System, &Anchors),
+        controller: Controller,
+        trials: &mut Trials<'_>,
+    ) -> Result<Settled, Unsettled> {
+        let settled = self.try_all(compiled, controller, trials);
+        if settled.is_err() {
+            self.forget();
+        }
+        settled
+    }
+
+    fn try_all(
+        &mut self,
         compiled: (&System, &Anchors),
         mut controller: Controller,
-    ) -> Result<Start, SetupError> {
-        let picked = self.begin(compiled, &controller)?;
-        let mut start = Start {
-            choice: picked.choice,
-            method: picked.method,
-            work: Work::default(),
-            auto: None,
-            schedule: Schedule::Fixed(StepPlan::equal(controller.left(), 1)),
-        };
-        if controller.left() > 0.0
-            && self.equal_steps_are_cheaper(compiled, &controller, &mut start)?
+        trials: &mut Trials<'_>,
+    ) -> Result<Settled, Unsettled> {
+        let picked = self.begin(compiled, &controller, trials)?;
+        if let Some(settled) =
+            self.equal_steps_if_cheaper(compiled, &controller, &picked.choice, trials)?
         {
-            return Ok(start);
+            return Ok(settled);
         }
         // What looks good at rest may be too long once it moves; explicit steps
         // are bounded anyway.
@@ -215,56 +258,65 @@ impl Auto {
             true => picked.step_size,
             false => picked.step_size.min(controller.step_size()),
         });
-        start.schedule = Schedule::Adaptive(controller);
-        start.auto = Some(self);
-        Ok(start)
+        Ok(Settled {
+            choice: picked.choice,
+            method: picked.method,
+            schedule: Schedule::Adaptive(controller),
+        })
     }
 
     /// Finds out by trial runs whether filtered leapfrog is cheaper than the
-    /// method picked so far, and starts with it if so.
-    fn equal_steps_are_cheaper(
+    /// method picked so far.
+    fn equal_steps_if_cheaper(
         &mut self,
         (system, anchors): (&System, &Anchors),
         controller: &Controller,
-        start: &mut Start,
-    ) -> Result<bool, SetupError> {
+        picked: &Choice,
+        trials: &mut Trials<'_>,
+    ) -> Result<Option<Settled>, Abandoned> {
         let (duration, tolerance) = (controller.left(), controller.tolerance());
         let to_beat = self.price * duration;
         // Explicit steps keep what they promise: stability bounds them.
         let is_explicit = self.candidates[self.current].is_explicit();
         let from_rest = if is_explicit { 1.0 } else { FROM_REST };
         let (budget, fewest) = (TRIAL_RUNS * from_rest * to_beat, FEWEST_TRIAL_STEPS);
-        if fewest * self.costs.step_with_matrix() > budget {
-            return Ok(false);
+        // What cannot be built is no choice.
+        if fewest * self.costs.step_with_matrix() > budget
+            || self.costs.learn_system(system).is_err()
+        {
+            return Ok(None);
         }
-        self.costs.learn_system(system)?;
         let step = self.costs.step_with_matrix();
         if self.costs.analysis + fewest * step > budget {
-            return Ok(false);
+            return Ok(None);
         }
         let choice = Choice {
             method: scene::Method::FilteredLeapfrog,
-            ..start.choice.clone()
+            ..picked.clone()
         };
-        let mut method = choice.build(system)?;
+        let Ok(mut method) = choice.build(system) else {
+            return Ok(None);
+        };
+        method.set_interrupt(&self.interrupt);
         let affordable = match is_explicit {
             true => budget / step,
             false => (budget / step).max(USUAL_TRIAL_STEPS),
         }
         .min(MOST_TRIAL_STEPS);
-        let (compiled, task) = ((system, anchors), (duration, tolerance));
-        let steps = equal_steps(compiled, &mut *method, task, affordable, &mut start.work);
-        let Some(steps) = steps.filter(|steps| steps.n as f64 * step < from_rest * to_beat) else {
-            return Ok(false);
-        };
-        method.restart();
-        start.choice = Choice {
-            reason: steps.to_string(),
-            ..choice
-        };
-        start.method = method;
-        start.schedule = Schedule::Fixed(StepPlan::equal(duration, steps.n));
-        Ok(true)
+        let task = (duration, tolerance);
+        let steps = equal_steps((system, anchors), &mut *method, task, affordable, trials)?;
+        let is_cheaper = |steps: &EqualSteps| steps.n as f64 * step < from_rest * to_beat;
+        Ok(steps.filter(is_cheaper).map(|steps| {
+            method.restart();
+            Settled {
+                choice: Choice {
+                    reason: steps.to_string(),
+                    ..choice
+                },
+                method,
+                schedule: Schedule::Fixed(StepPlan::equal(duration, steps.n)),
+            }
+        }))
     }
 
     /// The method to begin with among those with error control.
@@ -272,17 +324,21 @@ impl Auto {
         &mut self,
         compiled: (&System, &Anchors),
         controller: &Controller,
-    ) -> Result<Picked, SetupError> {
+        trials: &mut Trials<'_>,
+    ) -> Result<Picked, Unsettled> {
         let system = compiled.0;
         let state = &State::initial(system);
-        self.ensure_built(system, 0)?;
-        if controller.left() == 0.0 {
-            return Ok(self.hand_over(Trial::default(), "there is nothing to do".to_owned()));
-        }
-        let (mut best, mut cost) = self.try_out_from_rest(compiled, state, controller, 0);
+        let built = self.ensure_built(system, 0);
+        built.map_err(|_| Unsettled::OutOfMemory)?;
+        let task = Task {
+            compiled,
+            state,
+            controller,
+        };
+        let (mut best, mut cost) = self.try_out_from_rest(task, 0, trials)?;
         for index in 1..self.candidates.len() {
-            if self.is_worth_trying(system, controller, index, best.price)? {
-                let (tried, took) = self.try_out_from_rest(compiled, state, controller, index);
+            if self.is_worth_trying(system, controller, index, best.price) {
+                let (tried, took) = self.try_out_from_rest(task, index, trials)?;
                 cost += took;
                 if tried.price < best.price {
                     (best, self.current) = (tried, index);
@@ -319,19 +375,25 @@ impl Auto {
     /// if it is clearly cheaper.
     pub(crate) fn review(
         &mut self,
-        (system, anchors): (&System, &Anchors),
+        compiled: (&System, &Anchors),
         state: &State,
         controller: &Controller,
-    ) -> Result<Option<Picked>, SetupError> {
-        let compiled = (system, anchors);
+        trials: &mut Trials<'_>,
+    ) -> Result<Option<Picked>, Abandoned> {
         let mut best: Option<(usize, Trial)> = None;
         self.price = self.spent / self.covered;
         let mut to_beat = self.price / CLEARLY;
         let mut cost = 0.0;
+        let task = Task {
+            compiled,
+            state,
+            controller,
+        };
         for index in 0..self.candidates.len() {
-            if index != self.current && self.is_worth_trying(system, controller, index, to_beat)? {
+            if index != self.current && self.is_worth_trying(compiled.0, controller, index, to_beat)
+            {
                 let h = Some(self.step_size);
-                let (tried, took) = self.try_out(compiled, state, controller, index, h);
+                let (tried, took) = self.try_out(task, index, h, trials)?;
                 cost += took;
                 if tried.price < to_beat {
                     to_beat = tried.price;
@@ -374,49 +436,44 @@ impl Auto {
     fn ensure_built(&mut self, system: &System, index: usize) -> Result<(), SetupError> {
         let candidate = &mut self.candidates[index];
         if candidate.idle.is_none() {
-            candidate.idle = Some(candidate.choice.build(system)?);
+            let mut method = candidate.choice.build(system)?;
+            method.set_interrupt(&self.interrupt);
+            candidate.idle = Some(method);
         }
         Ok(())
     }
 
     /// Whether a candidate could be cheaper than `price`, and finding out costs
-    /// little; it is then built.
+    /// little; it is then built. One that cannot be built is no choice.
     fn is_worth_trying(
         &mut self,
         system: &System,
         controller: &Controller,
         index: usize,
         price: f64,
-    ) -> Result<bool, SetupError> {
+    ) -> bool {
         let left = controller.left();
         let longest = self.longest_step(index, left);
         let candidate = &self.candidates[index];
         let is_built = candidate.idle.is_some();
-        let attempt = match candidate.evaluations {
-            0.0 => {
-                if !self.costs.is_system_known {
-                    // Without fill it would cost at least this.
-                    let least = self.costs.attempt_with_matrix() + self.costs.analysis;
-                    if least > SHARE * price * left {
-                        return Ok(false);
-                    }
-                    self.costs.learn_system(system)?;
-                }
-                let setup = if is_built { 0.0 } else { self.costs.analysis };
-                self.costs.attempt_with_matrix() + setup / USUAL_ATTEMPTS
+        let attempt = if candidate.is_explicit() {
+            let attempt = candidate.evaluations * candidate.evaluation;
+            if attempt > price * longest {
+                return false;
             }
-            evaluations => {
-                if evaluations * candidate.evaluation > price * longest {
-                    return Ok(false);
+            attempt
+        } else {
+            if !self.costs.is_system_known {
+                // Without fill it would cost at least this.
+                let least = self.costs.attempt_with_matrix() + self.costs.analysis;
+                if least > SHARE * price * left || self.costs.learn_system(system).is_err() {
+                    return false;
                 }
-                evaluations * candidate.evaluation
             }
+            let setup = if is_built { 0.0 } else { self.costs.analysis };
+            self.costs.attempt_with_matrix() + setup / USUAL_ATTEMPTS
         };
-        let is_worth_it = USUAL_ATTEMPTS * attempt < SHARE * price * left;
-        if is_worth_it {
-            self.ensure_built(system, index)?;
-        }
-        Ok(is_worth_it)
+        USUAL_ATTEMPTS * attempt < SHARE * price * left && self.ensure_built(system, index).is_ok()
     }
 
     fn longest_step(&self, index: usize, left: f64) -> f64 {
@@ -430,35 +487,41 @@ impl Auto {
     /// the step leads: from rest they would promise steps that they do not keep.
     fn try_out_from_rest(
         &mut self,
-        compiled: (&System, &Anchors),
-        state: &State,
-        controller: &Controller,
+        task: Task<'_>,
         index: usize,
-    ) -> (Trial, f64) {
-        let (first, cost) = self.try_out(compiled, state, controller, index, None);
+        trials: &mut Trials<'_>,
+    ) -> Result<(Trial, f64), Abandoned> {
+        let (first, cost) = self.try_out(task, index, None, trials)?;
         if self.candidates[index].is_explicit() || !first.price.is_finite() {
-            return (first, cost);
+            return Ok((first, cost));
         }
         let mut moving = self.tried.clone();
         moving.time += first.step_size;
+        let from_there = Task {
+            state: &moving,
+            ..task
+        };
         let h = Some(first.step_size);
-        let (second, more) = self.try_out(compiled, &moving, controller, index, h);
-        match second.price > first.price {
+        let (second, more) = self.try_out(from_there, index, h, trials)?;
+        Ok(match second.price > first.price {
             true => (second, cost + more),
             false => (first, cost + more),
-        }
+        })
     }
 
     /// Finds the step size that suits a candidate, beginning with `h`; also
     /// returns what that cost.
     fn try_out(
         &mut self,
-        (system, anchors): (&System, &Anchors),
-        state: &State,
-        controller: &Controller,
+        Task {
+            compiled: (system, anchors),
+            state,
+            controller,
+        }: Task<'_>,
         index: usize,
         h: Option<f64>,
-    ) -> (Trial, f64) {
+        trials: &mut Trials<'_>,
+    ) -> Result<(Trial, f64), Abandoned> {
         let longest = self.longest_step(index, controller.left());
         let candidate = &mut self.candidates[index];
         let method = candidate.idle.as_mut().expect("it is built");
@@ -488,6 +551,8 @@ impl Auto {
                 }
                 .unwrap_or(first)
             });
+            trials.work += work;
+            trials.step()?;
             let cost = self.costs.of_counts(&work.counts, candidate.evaluation);
             total += cost;
             let suits = match estimate {
@@ -503,8 +568,16 @@ impl Auto {
             }
             h = suits;
         }
-        (trial, total)
+        Ok((trial, total))
     }
+}
+
+/// Where a candidate is tried, and what for.
+#[derive(Clone, Copy)]
+struct Task<'a> {
+    compiled: (&'a System, &'a Anchors),
+    state: &'a State,
+    controller: &'a Controller,
 }
 
 /// What became of trying a candidate.
@@ -522,6 +595,7 @@ struct Costs {
     analysis: f64,
     /// As little as it can be, until it is known.
     system: Price,
+    without_fill: Price,
     is_system_known: bool,
 }
 
@@ -539,8 +613,14 @@ impl Costs {
             linearization: 100.0 + 15.0 * springs + 10.0 * nodes,
             analysis: 5e3 + 500.0 * nodes + 150.0 * pairs,
             system: Price::with_factor(entries, 0.0),
+            without_fill: Price::with_factor(entries, 0.0),
             is_system_known: false,
         }
+    }
+
+    fn forget_system(&mut self) {
+        self.system = self.without_fill;
+        self.is_system_known = false;
     }
 
     fn learn_system(&mut self, system: &System) -> Result<(), SetupError> {

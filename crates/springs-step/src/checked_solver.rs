@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 use springs_assembly::PACKED;
-use springs_solver::{Counts, Experience, Options, Route, SolveError, Solver, Subspace};
+use springs_solver::{Counts, Experience, Interrupt, Options, Route, SolveError, Solver, Subspace};
 
 /// A [`Solver`] that takes a matrix only if all of it is positive definite, also
 /// the part across a plane or line that it does not solve.
@@ -28,6 +28,7 @@ struct Across {
     pairs: Vec<[u32; 2]>,
     positions: Vec<[f64; 3]>,
     threads: usize,
+    interrupt: Interrupt,
     normal: Vector3<f64>,
     /// Made when it is first needed.
     solver: Option<Solver>,
@@ -55,12 +56,24 @@ impl CheckedSolver {
                 pairs: pairs.to_vec(),
                 positions: options.positions.unwrap_or_default().to_vec(),
                 threads: options.threads,
+                interrupt: Interrupt::default(),
                 normal,
                 solver: None,
                 excess: vec![0.0; n_blocks],
             }),
             counts: CheckCounts::default(),
         })
+    }
+
+    /// As [`Solver::set_interrupt`].
+    pub(crate) fn set_interrupt(&mut self, interrupt: &Interrupt) {
+        self.solver.set_interrupt(interrupt);
+        if let Some(across) = &mut self.across {
+            across.interrupt = interrupt.clone();
+            if let Some(solver) = &mut across.solver {
+                solver.set_interrupt(interrupt);
+            }
+        }
     }
 
     pub(crate) fn experience(&mut self) -> &mut Experience {
@@ -131,7 +144,9 @@ impl Across {
                     route: Route::Double,
                     subspace: Subspace::Line(self.normal.into()),
                 };
-                empty.insert(Solver::analyze(self.n_blocks, &self.pairs, options)?)
+                let solver = empty.insert(Solver::analyze(self.n_blocks, &self.pairs, options)?);
+                solver.set_interrupt(&self.interrupt);
+                solver
             }
         };
         let before = solver.counts().factorizations;

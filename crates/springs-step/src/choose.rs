@@ -1,6 +1,6 @@
 //! Which method and step a scene's settings come down to.
 
-use crate::auto::Auto;
+use crate::auto::{Auto, Picked};
 use crate::controller::Controller;
 use crate::dop853::Dop853;
 use crate::doubling::Doubling;
@@ -8,10 +8,10 @@ use crate::filtered_leapfrog::FilteredLeapfrog;
 use crate::implicit_euler::ImplicitEuler;
 use crate::implicit_midpoint::ImplicitMidpoint;
 use crate::linear::{self, Hessian};
-use crate::pilot::equal_steps;
 use crate::rodas4::Rodas4;
 use crate::tr_bdf2::TrBdf2;
-use crate::{Anchors, LinearlyImplicitEuler, Method, SetupError, Splitting, State, StepPlan, Work};
+use crate::trials::{EqualSteps, Trials, Unsettled, equal_steps};
+use crate::{Anchors, LinearlyImplicitEuler, Method, SetupError, Splitting, StepPlan};
 use springs_assembly::System;
 use springs_scene::{self as scene, Scene, StepControl, Tangent};
 
@@ -29,7 +29,7 @@ const MOST_TRIAL_STEPS: f64 = 1e7;
 /// What a scene is simulated with.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Choice {
-    /// The method; never `Auto`.
+    /// The method; `Auto` only before trial runs have found one.
     pub method: scene::Method,
     /// The tangent, if the method has a choice of it.
     pub tangent: Option<Tangent>,
@@ -48,28 +48,6 @@ pub enum Pace {
     Fixed(f64),
     /// From the error, which must stay below this, in m.
     Tolerance(f64),
-}
-
-/// Settles what the settings leave open.
-///
-/// Without a step, a tolerance of 1e-3 of the scene's size is meant. With a
-/// fixed step, `Auto` is velocity Verlet where the step resolves the fastest
-/// motion of the scene, and linearly implicit Euler with filtered tensions
-/// elsewhere. With a tolerance, methods are tried out on the scene, and the
-/// cheapest one is taken.
-///
-/// # Errors
-///
-/// If the method cannot move the scene.
-pub fn choose(scene: &Scene, system: &System) -> Result<Choice, SetupError> {
-    let is_open = scene.settings.method == scene::Method::Auto
-        && !matches!(scene.settings.step, StepControl::Fixed(_));
-    if is_open {
-        let anchors = Anchors::new(system, &State::initial(system));
-        return Ok(start(scene, system, &anchors)?.choice);
-    }
-    let (pace, schedule) = pace_of(scene, system);
-    settle(scene, system, pace, &schedule)
 }
 
 /// The choice where nothing needs to be tried out: all but `Auto` with a
@@ -99,21 +77,28 @@ fn settle(
     Ok(choice)
 }
 
-/// What a scene starts with.
+/// What the settings of a scene come to.
+///
+/// Without a step, a tolerance of 1e-3 of the scene's size is meant. With a
+/// fixed step, `Auto` is velocity Verlet where the step resolves the fastest
+/// motion of the scene, and linearly implicit Euler with filtered tensions
+/// elsewhere. With a tolerance, methods are tried out on the scene before the
+/// first step, and the cheapest one is taken.
 pub(crate) struct Start {
     pub(crate) choice: Choice,
     pub(crate) method: Box<dyn Method>,
     pub(crate) schedule: Schedule,
-    /// Goes on choosing methods, if that is left open.
+    /// Chooses methods, if that is left open.
     pub(crate) auto: Option<Auto>,
-    /// What trial runs took.
-    pub(crate) work: Work,
 }
 
 /// Where the next step comes from.
 pub(crate) enum Schedule {
     Fixed(StepPlan),
     Adaptive(Controller),
+    /// Trial runs settle it before the first step; so far nothing moves. The
+    /// controller is what the tolerance would begin with.
+    Open(Controller),
 }
 
 impl Start {
@@ -125,7 +110,6 @@ impl Start {
             method,
             schedule,
             auto: None,
-            work: Work::default(),
         }
     }
 }
@@ -158,43 +142,61 @@ fn default_tolerance(scene: &Scene) -> f64 {
     }
 }
 
-/// [`choose`] with all that comes of it.
-pub(crate) fn start(
-    scene: &Scene,
-    system: &System,
-    anchors: &Anchors,
-) -> Result<Start, SetupError> {
-    let settings = &scene.settings;
+/// What a scene starts with; nothing is tried out yet.
+pub(crate) fn start(scene: &Scene, system: &System) -> Result<Start, SetupError> {
     let (pace, schedule) = pace_of(scene, system);
-    let compiled = (system, anchors);
-    if let (scene::Method::Auto, Schedule::Adaptive(controller)) = (settings.method, &schedule) {
+    let needs_trials = |controller: &Controller| controller.left() > 0.0;
+    if let (scene::Method::Auto, Schedule::Adaptive(controller)) =
+        (scene.settings.method, &schedule)
+    {
         let choice = Choice::open(scene, pace);
         refuse_tangent(&choice)?;
-        return Auto::new(scene, system, &choice)?.start(compiled, *controller);
+        let mut auto = Auto::new(scene, system, &choice);
+        if needs_trials(controller) {
+            return Ok(Start {
+                choice,
+                // Stands in until trial runs have found one.
+                method: Box::new(Splitting::velocity_verlet(system)),
+                schedule: Schedule::Open(*controller),
+                auto: Some(auto),
+            });
+        }
+        let Picked { method, choice, .. } = auto.first(system)?;
+        return Ok(Start {
+            choice,
+            method,
+            schedule,
+            auto: Some(auto),
+        });
     }
     let choice = settle(scene, system, pace, &schedule)?;
-    let mut start = Start {
+    let schedule = match schedule {
+        Schedule::Adaptive(controller)
+            if choice.wants_equal_steps() && needs_trials(&controller) =>
+        {
+            Schedule::Open(controller)
+        }
+        settled => settled,
+    };
+    Ok(Start {
         method: choice.build(system)?,
         choice,
         schedule,
         auto: None,
-        work: Work::default(),
-    };
-    let wants_equal_steps = start.choice.wants_equal_steps() && settings.duration > 0.0;
-    if let (true, Pace::Tolerance(tolerance)) = (wants_equal_steps, pace) {
-        let task = (settings.duration, tolerance);
-        let method = &mut *start.method;
-        let steps = equal_steps(compiled, method, task, MOST_TRIAL_STEPS, &mut start.work).ok_or(
-            SetupError::NotReached {
-                method: start.choice.method,
-                tolerance,
-            },
-        )?;
-        start.choice.reason = steps.to_string();
-        start.schedule = Schedule::Fixed(StepPlan::equal(settings.duration, steps.n));
-        start.method.restart();
-    }
-    Ok(start)
+    })
+}
+
+/// Finds out by trial runs how many equal steps a method needs.
+pub(crate) fn settle_equal_steps(
+    compiled: (&System, &Anchors),
+    method: &mut dyn Method,
+    controller: &Controller,
+    trials: &mut Trials<'_>,
+) -> Result<EqualSteps, Unsettled> {
+    let task = (controller.left(), controller.tolerance());
+    let steps = equal_steps(compiled, method, task, MOST_TRIAL_STEPS, trials)?;
+    method.restart();
+    steps.ok_or(Unsettled::NotReached)
 }
 
 /// Whether all steps of a method must have one size, the last one included:
@@ -297,7 +299,7 @@ impl Choice {
 
     fn build_for_equal_steps(&self, system: &System) -> Result<Box<dyn Method>, SetupError> {
         let method: Box<dyn Method> = match self.method {
-            scene::Method::Auto => unreachable!("settled by choose"),
+            scene::Method::Auto => unreachable!("settled before it is built"),
             scene::Method::LinearlyImplicitEuler => {
                 let tangent = self.tangent.unwrap_or(Tangent::Exact);
                 Box::new(LinearlyImplicitEuler::new(system, tangent)?)
@@ -332,6 +334,22 @@ impl Choice {
         matches!(
             self.method,
             scene::Method::ImplicitMidpoint | scene::Method::FilteredLeapfrog
+        )
+    }
+
+    /// Whether the method is left to trial runs that were not made yet.
+    pub(crate) fn is_open(&self) -> bool {
+        self.method == scene::Method::Auto
+    }
+
+    /// Whether a step solves no system.
+    pub(crate) fn is_explicit(&self) -> bool {
+        matches!(
+            self.method,
+            scene::Method::VelocityVerlet
+                | scene::Method::BlanesMoan4
+                | scene::Method::BlanesMoan6
+                | scene::Method::Dop853
         )
     }
 

@@ -4,7 +4,7 @@ use crate::checked_solver::{CheckCounts, CheckedSolver};
 use crate::linear::{Hessian, Steps, numbers_mut, solver_options};
 use nalgebra::Vector3;
 use springs_assembly::{BlockMatrix, System};
-use springs_solver::{Experience, SolveError};
+use springs_solver::{Experience, Interrupt, SolveError};
 
 /// The connected parts of the unknowns of a system, and which of them have a
 /// matrix that is not positive definite.
@@ -17,6 +17,7 @@ pub(crate) struct Components {
     /// part only.
     members: Vec<Member>,
     is_indefinite: Vec<bool>,
+    interrupt: Interrupt,
 }
 
 /// A part with a solver of its own.
@@ -54,6 +55,14 @@ impl Components {
             n: n as usize,
             members: Vec::new(),
             is_indefinite: vec![false; n as usize],
+            interrupt: Interrupt::default(),
+        }
+    }
+
+    pub(crate) fn set_interrupt(&mut self, interrupt: &Interrupt) {
+        self.interrupt = interrupt.clone();
+        for member in &mut self.members {
+            member.solver.set_interrupt(interrupt);
         }
     }
 
@@ -118,8 +127,10 @@ impl Components {
             let positions: Vec<[f64; 3]> = positions.map(Into::into).collect();
             let (options, normal) =
                 solver_options(system, self.hessian, Steps::Changing, &positions);
+            let mut solver = CheckedSolver::analyze(blocks.len(), &ends, options, normal)?;
+            solver.set_interrupt(&self.interrupt);
             Ok(Member {
-                solver: CheckedSolver::analyze(blocks.len(), &ends, options, normal)?,
+                solver,
                 diagonal: vec![[0.0; 6]; blocks.len()],
                 off_diagonal: vec![[0.0; 6]; pairs.len()],
                 x: vec![Vector3::zeros(); blocks.len()],

@@ -6,7 +6,7 @@ use crate::{
 };
 use nalgebra::Vector3;
 use springs_assembly::System;
-use springs_solver::SolveError;
+use springs_solver::{Interrupt, SolveError};
 
 /// Any method, made to estimate its error: each step is made once as a whole
 /// and once as two halves, which are the result; their difference is the
@@ -62,6 +62,10 @@ impl Method for Doubling {
 
     fn expect_changing_steps(&mut self, system: &System) -> Result<(), SolveError> {
         self.method.expect_changing_steps(system)
+    }
+
+    fn set_interrupt(&mut self, interrupt: &Interrupt) {
+        self.method.set_interrupt(interrupt);
     }
 
     fn restart(&mut self) {

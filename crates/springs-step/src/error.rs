@@ -29,14 +29,6 @@ pub enum SetupError {
         /// The method.
         method: Method,
     },
-    /// Trial runs did not come near the tolerance.
-    #[error("{method} does not reach {tolerance:?} m with any number of steps that was tried")]
-    NotReached {
-        /// The method.
-        method: Method,
-        /// The tolerance, in m.
-        tolerance: f64,
-    },
     /// Energies at the start are larger than a number can be.
     #[error("the energy at the start is beyond the range of numbers")]
     EnergyOverflow,
@@ -84,9 +76,6 @@ impl SetupError {
             Self::Massless { .. } => {
                 Some("give it a mass, or use an implicit method such as tr-bdf2")
             }
-            Self::NotReached { .. } => {
-                Some("use a larger tolerance, a shorter duration, or tr-bdf2 or dop853")
-            }
             Self::EnergyOverflow => Some("look at the units of masses, velocities and stiffnesses"),
             Self::VelocityDependent { .. } => {
                 Some("use dop853 or tr-bdf2, or leave out the damping")
@@ -108,6 +97,8 @@ pub enum MethodError {
     },
     /// There is not enough memory for a factor that turned out to be needed.
     OutOfMemory,
+    /// It was [asked to stop](springs_solver::Interrupt).
+    Interrupted,
     /// Newton's method did not converge.
     NotConverged {
         /// The free block with the largest correction left.
@@ -120,6 +111,7 @@ impl MethodError {
     pub(crate) fn of(error: SolveError) -> Self {
         match error {
             SolveError::NotPositiveDefinite { block } => Self::NotPositiveDefinite { block },
+            SolveError::Interrupted => Self::Interrupted,
             _ => Self::OutOfMemory,
         }
     }
@@ -128,17 +120,13 @@ impl MethodError {
     pub(crate) fn block(self) -> usize {
         match self {
             Self::NotPositiveDefinite { block } | Self::NotConverged { block } => block,
-            Self::OutOfMemory => 0,
+            Self::OutOfMemory | Self::Interrupted => 0,
         }
     }
 }
 
 /// A step could not be made.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error(
-    "{cause} at node {node} in step {step} of {step_size:?} s at time {time:?} s{}",
-    suspect.map_or(String::new(), |suspect| format!(", where {suspect}"))
-)]
 pub struct StepError {
     /// What went wrong.
     pub cause: Cause,
@@ -152,6 +140,27 @@ pub struct StepError {
     pub step_size: f64,
     /// The spring that pulled or pushed most there before.
     pub suspect: Option<Suspect>,
+}
+
+impl fmt::Display for StepError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            cause,
+            node,
+            step,
+            time,
+            step_size,
+            suspect,
+        } = self;
+        if *cause == Cause::NotReached {
+            return write!(f, "{cause}");
+        }
+        write!(
+            f,
+            "{cause} at node {node} in step {step} of {step_size:?} s at time {time:?} s"
+        )?;
+        suspect.map_or(Ok(()), |suspect| write!(f, ", where {suspect}"))
+    }
 }
 
 /// A spring where something went wrong.
@@ -215,6 +224,12 @@ pub enum Cause {
     /// The tolerance asks for steps too small to advance the time.
     #[error("the tolerance cannot be kept: steps shrank to nothing")]
     StepTooSmall,
+    /// Trial runs did not come near the tolerance, so that there is no first step.
+    #[error("the tolerance is not reached with any number of equal steps that was tried")]
+    NotReached,
+    /// It was asked to stop; everything is as it was before the step.
+    #[error("interrupted")]
+    Interrupted,
     /// A method of somebody's own has no error estimate.
     #[error("a tolerance needs a method that estimates its error, which this one does not")]
     NoEstimate,
@@ -226,6 +241,7 @@ impl From<MethodError> for Cause {
             MethodError::NotPositiveDefinite { .. } => Self::NotPositiveDefinite,
             MethodError::NotConverged { .. } => Self::NotConverged,
             MethodError::OutOfMemory => Self::OutOfMemory,
+            MethodError::Interrupted => Self::Interrupted,
         }
     }
 }
@@ -248,6 +264,8 @@ impl StepError {
             Cause::OutOfMemory => "use a smaller step, with which iteration converges",
             Cause::NotConverged => "use a smaller step, or a tolerance instead of a step",
             Cause::NoEstimate => "wrap the method in Doubling, or use steps of fixed size",
+            Cause::NotReached => "use a larger tolerance, a shorter duration, or tr-bdf2 or dop853",
+            Cause::Interrupted => "go on from where it stands",
             Cause::StepTooSmall => {
                 "use a larger tolerance, and look at masses and stiffnesses around the node"
             }

@@ -8,6 +8,7 @@ use crate::{
 };
 use nalgebra::Vector3;
 use springs_assembly::{Evaluation, ForceEmitter as _, Projection, System, Weights};
+use springs_solver::{Interrupt, SolveError};
 
 /// v½ = v + ½h a, x' = x + h v½, v' = v½ + ½h a' with
 /// (M + ½hD + αh²S) a' = f(x', v½), where S is the Hessian with across
@@ -48,7 +49,7 @@ impl FilteredLeapfrog {
     /// # Errors
     ///
     /// If the factor cannot be stored.
-    pub fn new(system: &System) -> Result<Self, springs_solver::SolveError> {
+    pub fn new(system: &System) -> Result<Self, SolveError> {
         let zeros = vec![Vector3::zeros(); system.numbering().n_nodes()];
         Ok(Self {
             linear: LinearSystem::new(system, Hessian::Altered)?,
@@ -132,6 +133,13 @@ impl Method for FilteredLeapfrog {
 
     fn setup(&self) -> Work {
         self.linear.setup()
+    }
+
+    fn set_interrupt(&mut self, interrupt: &Interrupt) {
+        self.linear.set_interrupt(interrupt);
+        if let Some(start) = &mut self.start {
+            start.set_interrupt(interrupt);
+        }
     }
 
     fn restart(&mut self) {

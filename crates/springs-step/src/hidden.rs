@@ -25,8 +25,14 @@ pub struct ForeignState;
 impl HiddenState {
     /// To be filled.
     pub(crate) fn saving() -> Self {
+        Self::saving_into(Vec::new())
+    }
+
+    /// The same, in place of other words.
+    pub(crate) fn saving_into(mut words: Vec<u64>) -> Self {
+        words.clear();
         Self {
-            words: Vec::new(),
+            words,
             next: None,
             is_sound: true,
         }
@@ -119,12 +125,21 @@ impl HiddenState {
     /// Finite numbers; there must be as many when they are loaded.
     pub fn reals(&mut self, reals: &mut [f64]) {
         self.length(reals.len());
+        if !self.is_loading() {
+            self.words.extend(reals.iter().map(|real| real.to_bits()));
+            return;
+        }
         reals.iter_mut().for_each(|real| self.finite(real));
     }
 
     /// Finite vectors; there must be as many when they are loaded.
     pub fn vectors(&mut self, vectors: &mut [Vector3<f64>]) {
         self.length(vectors.len());
+        if !self.is_loading() {
+            let components = vectors.iter().flatten();
+            self.words.extend(components.map(|real| real.to_bits()));
+            return;
+        }
         for component in vectors.iter_mut().flatten() {
             self.finite(component);
         }

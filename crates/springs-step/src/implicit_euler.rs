@@ -8,7 +8,7 @@ use crate::{
 };
 use nalgebra::Vector3;
 use springs_assembly::System;
-use springs_solver::SolveError;
+use springs_solver::{Interrupt, SolveError};
 
 /// M(v' − v) = h f(x', v'), x' = x + h v', solved.
 ///
@@ -50,6 +50,10 @@ impl Method for ImplicitEuler {
 
     fn expect_changing_steps(&mut self, system: &System) -> Result<(), SolveError> {
         self.stage.expect_changing_steps(system)
+    }
+
+    fn set_interrupt(&mut self, interrupt: &Interrupt) {
+        self.stage.set_interrupt(interrupt);
     }
 
     fn restart(&mut self) {

@@ -7,7 +7,7 @@ use crate::{
 };
 use nalgebra::Vector3;
 use springs_assembly::System;
-use springs_solver::SolveError;
+use springs_solver::{Interrupt, SolveError};
 
 /// M(v' − v) = h f at the middle of (x, v) and (x', v'), x' − x = ½h(v + v').
 ///
@@ -51,6 +51,10 @@ impl Method for ImplicitMidpoint {
 
     fn setup(&self) -> Work {
         self.stage.setup()
+    }
+
+    fn set_interrupt(&mut self, interrupt: &Interrupt) {
+        self.stage.set_interrupt(interrupt);
     }
 
     fn restart(&mut self) {

@@ -6,6 +6,7 @@ use crate::{
 };
 use nalgebra::Vector3;
 use springs_assembly::System;
+use springs_solver::Interrupt;
 
 /// States between the steps of a method, to the method's order.
 pub(crate) enum Between {
@@ -57,6 +58,12 @@ impl Between {
                 state: State::initial(system),
             },
         })
+    }
+
+    pub(crate) fn set_interrupt(&mut self, interrupt: &Interrupt) {
+        if let Self::Substep { method, .. } = self {
+            method.set_interrupt(interrupt);
+        }
     }
 
     pub(crate) fn visit(&mut self, hidden: &mut HiddenState) {

@@ -1,15 +1,21 @@
 //! Parts of a scene that do not feel each other, each on its own way.
 
+use crate::frames::{Frames, Shown};
+use crate::observer::{either, offer};
+use crate::parallel::{in_parallel, in_parallel_watched};
 use crate::rest::Rest;
-use crate::simulation::{Frames, Shown, offer};
+use crate::simulation::Pause;
 use crate::{
-    Account, ForeignState, HiddenState, Ledger, NodeStates, Observer, Outcome, SetupError,
-    Simulation, StepError, Suspect, Work,
+    Account, Cause, ForeignState, HiddenState, Ledger, NodeStates, Observer, Outcome, Patience,
+    SetupError, Simulation, StepError, Suspect, Work,
 };
 use nalgebra::Vector3;
 use springs_assembly::{CompileError, Energy, machine_threads};
 use springs_scene::{Island, Scene};
-use std::sync::Mutex;
+use springs_solver::Interrupt;
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::{Duration, Instant};
 
 /// A scene on its way through its duration, cut into parts that do not feel each
 /// other. Each has a method, steps and a solver of its own, and several run at
@@ -29,6 +35,10 @@ pub struct Islands {
     ledger: Ledger,
     /// Frames that were shown, if it was stopped on the way.
     shown: Option<Shown>,
+    /// Whether the observer has been told of the last round.
+    is_told: bool,
+    trial_time: Duration,
+    interrupt: Interrupt,
 }
 
 /// A part of the scene.
@@ -44,21 +54,29 @@ pub struct Part {
     rest: Option<Rest>,
     /// Rounds until it is asked again whether it is at rest.
     countdown: u32,
+    /// Where it was some steps ago, at the beginning of a round, to go back to if
+    /// another part fails; and its steps then.
+    saved: Option<(Vec<u64>, u64)>,
 }
 
 /// Scenes with more islands have several of them in one part.
 const MOST_PARTS: usize = 2048;
 
-/// The observer is asked about so often whether to go on; more often where parts
-/// may fall asleep, which is looked for in every few rounds.
+/// All parts come to one time so often at least, and more often where parts may
+/// fall asleep, which is looked for in every few rounds.
 const ROUNDS: u64 = 16;
 const ROUNDS_WITH_SLEEP: u64 = 256;
+/// Steps of one size in a round at most.
+const LONGEST_ROUND: u64 = 128;
 
 /// Scenes with fewer springs are done before a second thread is awake.
 const WORTH_A_THREAD: usize = 1000;
 
-/// Within a round, too, after so many steps of a part.
-const MOST_STEPS: u64 = 1000;
+/// The observer is asked whether to go on after this time, within rounds too.
+const SLICE: Duration = Duration::from_millis(20);
+
+/// Steps of a part between two times that are kept to go back to.
+const STEPS_BACK: u64 = 1000;
 
 /// Rounds between two looks at whether a part is at rest.
 const LOOKS: u32 = 8;
@@ -67,8 +85,7 @@ const LOOKS: u32 = 8;
 const DOMINANT: f64 = 0.6;
 
 impl Islands {
-    /// Cuts the scene apart, compiles its parts, and settles their methods and
-    /// steps.
+    /// Cuts the scene apart and compiles its parts, as [`Simulation::new`] does.
     ///
     /// # Errors
     ///
@@ -89,7 +106,7 @@ impl Islands {
         let threads = if is_dominated || is_small {
             1
         } else {
-            all_threads
+            all_threads.min(islands.len())
         };
         settings.threads = all_threads / threads;
         let parts = in_parallel(islands, threads, |island| Part::new(&scene, island));
@@ -106,10 +123,21 @@ impl Islands {
             is_under_way: false,
             nodes: NodeStates::of(&scene),
             shown: None,
+            is_told: true,
+            trial_time: Duration::ZERO,
+            interrupt: Interrupt::default(),
             scene,
         };
         islands.sum_ledgers();
         Ok(islands)
+    }
+
+    /// Whom to hear, as [`Simulation::set_interrupt`].
+    pub fn set_interrupt(&mut self, interrupt: &Interrupt) {
+        self.interrupt = interrupt.clone();
+        for part in &mut self.parts {
+            part.simulation.set_interrupt(interrupt);
+        }
     }
 
     fn sum_ledgers(&mut self) {
@@ -148,6 +176,8 @@ impl Islands {
         }
         state.real(&mut self.time);
         state.flag(&mut self.is_under_way);
+        state.flag(&mut self.is_told);
+        state.duration(&mut self.trial_time);
         self.nodes.visit(state);
         self.ledger.visit(state);
         state.option(&mut self.shown, |shown, state| shown.visit(state));
@@ -203,8 +233,27 @@ impl Islands {
         &self.nodes
     }
 
-    /// What was done so far by all parts; steps are those of the part that made
-    /// the most.
+    /// Whether trial runs are still to be made, by the first [`Self::run`].
+    pub fn needs_trials(&self) -> bool {
+        self.parts.iter().any(|part| part.simulation.needs_trials())
+    }
+
+    /// What trial runs and later comparisons of methods did so far.
+    pub fn trial_work(&self) -> Work {
+        let mut sum = Work::default();
+        for part in &self.parts {
+            sum += part.simulation.trial_work();
+        }
+        sum
+    }
+
+    /// The time that trial runs took before the first step.
+    pub fn trial_time(&self) -> Duration {
+        self.trial_time
+    }
+
+    /// What was done so far by all parts, trial runs aside; steps are those of the
+    /// part that made the most.
     pub fn work(&self) -> Work {
         let mut sum = Work::default();
         for part in &self.parts {
@@ -229,14 +278,15 @@ impl Islands {
         energies.fold(Energy::default(), |a, b| a + b)
     }
 
-    /// Runs to the end, or until the observer or an error stops it, and shows
-    /// the observer `intervals` + 1 frames, as [`Simulation::run`] does. After a
-    /// stop it goes on, with the frames that are still to come.
+    /// Runs to the end, or until the observer, an interrupt or an error stops it,
+    /// and shows the observer `intervals` + 1 frames, as [`Simulation::run`] does.
+    /// After a stop it goes on, with the frames that are still to come.
     ///
     /// # Errors
     ///
-    /// If a step cannot be made. All parts are then where the one that failed
-    /// is.
+    /// If a step cannot be made, or trial runs settle nothing. All parts are then
+    /// where the one that failed is; if that was interrupted, too, at the last time
+    /// they had in common.
     pub fn run(
         &mut self,
         intervals: usize,
@@ -250,7 +300,11 @@ impl Islands {
             self.time = part.simulation.stepper().time();
             self.nodes.clone_from(part.simulation.nodes());
             self.ledger = part.simulation.ledger();
+            self.trial_time = part.simulation.trial_time();
             return outcome;
+        }
+        if self.settle(observer)?.is_break() {
+            return Ok(Outcome::Stopped);
         }
         let mut frames = Frames::new(self.duration(), intervals, &self.nodes);
         frames.go_on(self.shown, self.time);
@@ -259,43 +313,106 @@ impl Islands {
         outcome
     }
 
+    /// Makes the trial runs of all parts.
+    fn settle(&mut self, observer: &mut dyn Observer) -> Result<ControlFlow<()>, StepError> {
+        let parts = self.parts.iter_mut();
+        let open: Vec<&mut Part> = parts
+            .filter(|part| part.simulation.needs_trials())
+            .collect();
+        if open.is_empty() {
+            return Ok(ControlFlow::Continue(()));
+        }
+        let begin = Instant::now();
+        let (steps, is_stopped) = (AtomicU64::new(0), AtomicBool::new(false));
+        let take_note = || {
+            steps.fetch_add(1, Ordering::Relaxed);
+            match is_stopped.load(Ordering::Relaxed) {
+                true => ControlFlow::Break(()),
+                false => ControlFlow::Continue(()),
+            }
+        };
+        let mut ask = || {
+            let goes_on = observer.trial(steps.load(Ordering::Relaxed));
+            is_stopped.fetch_or(goes_on.is_break(), Ordering::Relaxed);
+        };
+        let settled: Vec<_> = if self.threads > 1 {
+            let settle = |part: &mut Part| part.settle(&mut |_| take_note());
+            in_parallel_watched(open, self.threads, settle, &mut ask)
+        } else {
+            let settle = |part: &mut Part| {
+                part.settle(&mut |_| {
+                    ask();
+                    take_note()
+                })
+            };
+            open.into_iter().map(settle).collect()
+        };
+        self.trial_time += begin.elapsed();
+        for settled in settled {
+            if settled?.is_break() {
+                return Ok(ControlFlow::Break(()));
+            }
+        }
+        Ok(ControlFlow::Continue(()))
+    }
+
     fn run_on(
         &mut self,
         frames: &mut Frames,
         observer: &mut dyn Observer,
     ) -> Result<Outcome, StepError> {
         let duration = self.duration();
-        if frames.is_first()
-            && (frames.show(0.0, &self.nodes, observer).is_break()
-                || offer(observer, || self.account()).is_break())
-        {
-            return Ok(Outcome::Stopped);
+        if frames.is_first() {
+            let shown = frames.show(0.0, &self.nodes, observer);
+            if either(shown, offer(observer, || self.account())).is_break() {
+                return Ok(Outcome::Stopped);
+            }
         }
-        while self.time < duration {
+        loop {
+            if !self.is_told && self.tell(frames, observer).is_break() && self.time < duration {
+                return Ok(Outcome::Stopped);
+            }
+            if self.time >= duration {
+                return Ok(Outcome::Finished);
+            }
             let frame = frames.next_time().unwrap_or(duration);
             let time = frame.min(self.end_of_round());
-            if !self.advance_to(time)? {
-                // On its way there; somebody may not want to wait.
-                if observer.step(self.time).is_break() {
-                    return Ok(Outcome::Stopped);
-                }
-                continue;
-            }
-            let stops_at_frame = time == frame && {
-                let shown = frames.show(time, &self.nodes, observer);
-                shown.is_break()
-            };
-            if stops_at_frame
-                || offer(observer, || self.account()).is_break()
-                || observer.step(time).is_break()
+            if self.advance_to(time, observer.patience())? {
+                self.is_told = false;
+            } else if self.interrupt.is_requested()
+                || observer.step(self.reached(), self.steps()).is_break()
             {
-                return Ok(match self.time < duration {
-                    true => Outcome::Stopped,
-                    false => Outcome::Finished,
-                });
+                return Ok(Outcome::Stopped);
             }
         }
-        Ok(Outcome::Finished)
+    }
+
+    /// Tells the observer of the round that was made.
+    fn tell(&mut self, frames: &mut Frames, observer: &mut dyn Observer) -> ControlFlow<()> {
+        self.is_told = true;
+        let is_due = frames.next_time().is_some_and(|time| time <= self.time);
+        let shown = if is_due {
+            frames.show(self.time, &self.nodes, observer)
+        } else {
+            ControlFlow::Continue(())
+        };
+        let offered = offer(observer, || self.account());
+        let stepped = observer.step(self.time, self.steps());
+        either(shown, either(offered, stepped))
+    }
+
+    /// The time that all parts have reached, in s.
+    fn reached(&self) -> f64 {
+        let awake = self.parts.iter().filter(|part| part.asleep_since.is_none());
+        let times = awake.map(|part| part.simulation.stepper().time());
+        times.fold(self.duration(), f64::min)
+    }
+
+    /// Steps of the part that made the most; one that was made in shorter ones is
+    /// one.
+    pub fn steps(&self) -> u64 {
+        let steps = |part: &Part| part.simulation.stepper().steps();
+        self.parts.iter().map(steps).max().unwrap_or(0)
     }
 
     fn account(&self) -> Account {
@@ -329,36 +446,40 @@ impl Islands {
             let round = (self.time / self.duration() * rounds as f64 + 1e-6).floor() + 1.0;
             return (self.duration() * round / rounds as f64).min(self.duration());
         };
-        let stride = plan.n_steps().div_ceil(rounds).max(1);
+        let stride = plan.n_steps().div_ceil(rounds).clamp(1, LONGEST_ROUND);
         let done = (self.time / plan.step_size + 1e-6) as u64;
         plan.end_of((done / stride + 1) * stride)
     }
 
-    /// Brings all parts nearer to a time; says whether they got there.
-    fn advance_to(&mut self, time: f64) -> Result<bool, StepError> {
+    /// Brings all parts nearer to a time; says whether they got there, or pause on
+    /// the way.
+    fn advance_to(&mut self, time: f64, patience: Patience) -> Result<bool, StepError> {
+        let pause = Pause {
+            patience,
+            deadline: Some(Instant::now() + SLICE),
+        };
+        let (now, begins) = (self.time, !self.is_under_way);
+        let sleep = self.scene.settings.sleep;
         let parts: Vec<&mut Part> = self.parts.iter_mut().collect();
-        let sleep = self.scene.settings.sleep.filter(|_| !self.is_under_way);
         let done = in_parallel(parts, self.threads, |part| {
-            part.fall_asleep(sleep);
-            part.advance_to(time, MOST_STEPS)
+            if begins {
+                part.fall_asleep(sleep, now);
+                part.save();
+            }
+            part.advance_to(time, pause)
         });
         let failures = done.iter().filter_map(|done| done.as_ref().err());
-        let first = failures.min_by(|a, b| a.time.total_cmp(&b.time));
-        let result = match first {
-            None => Ok(done.iter().all(|done| *done == Ok(true))),
-            Some(error) => {
-                self.time = error.time;
-                self.go_back(error.time);
-                Err(*error)
-            }
+        let failures = failures.filter(|error| error.cause != Cause::Interrupted);
+        let first = failures.min_by(|a, b| a.time.total_cmp(&b.time)).copied();
+        self.is_under_way = done.iter().any(|done| *done != Ok(true));
+        let come_to = match first {
+            None if self.is_under_way => return Ok(false),
+            None => time,
+            Some(error) if self.come_to(error.time) => error.time,
+            // They stand apart; what they had in common last is kept.
+            Some(error) => return Err(error),
         };
-        self.is_under_way = result == Ok(false);
-        if self.is_under_way {
-            return result;
-        }
-        if result.is_ok() {
-            self.time = time;
-        }
+        self.time = come_to;
         self.sum_ledgers();
         for part in &self.parts {
             for (k, &node) in part.island.nodes.iter().enumerate() {
@@ -366,23 +487,19 @@ impl Islands {
                 self.nodes.velocities[node] = part.state.velocities[k];
             }
         }
-        result
+        first.map_or(Ok(true), Err)
     }
 
-    /// After a failure: brings the parts that are further to an earlier time, by
-    /// running them anew.
-    fn go_back(&mut self, time: f64) {
-        let scene = &self.scene;
+    /// After a failure: brings all parts to its time; those that are further by
+    /// running them anew from where they were some steps ago. Says whether all got
+    /// there.
+    fn come_to(&mut self, time: f64) -> bool {
         let parts: Vec<&mut Part> = self.parts.iter_mut().collect();
-        in_parallel(parts, self.threads, |part| {
-            if part.simulation.stepper().time() > time
-                && let Ok(anew) = Part::new(scene, part.island.clone())
-            {
-                *part = anew;
-            }
+        let done = in_parallel(parts, self.threads, |part| {
             // It was there before, so it gets there again.
-            let _ = part.advance_to(time, u64::MAX);
+            part.go_back(time) && part.advance_to(time, Pause::NEVER) == Ok(true)
         });
+        done.into_iter().all(|is_there| is_there)
     }
 }
 
@@ -404,6 +521,7 @@ impl Part {
             asleep_since: is_at_rest.then_some(0.0),
             rest: None,
             countdown: 0,
+            saved: None,
             simulation,
         })
     }
@@ -414,8 +532,45 @@ impl Part {
         self.asleep_since
     }
 
-    /// Puts it to sleep if it can move no further than `reach`, in m.
-    fn fall_asleep(&mut self, reach: Option<f64>) {
+    /// Makes its trial runs.
+    fn settle(
+        &mut self,
+        watch: &mut dyn FnMut(u64) -> ControlFlow<()>,
+    ) -> Result<ControlFlow<()>, StepError> {
+        let settled = self.simulation.settle(watch);
+        settled.map_err(|error| self.in_scene(error))
+    }
+
+    /// Keeps where it is, if it made many steps since that was done.
+    fn save(&mut self) {
+        let steps = self.simulation.stepper().steps();
+        let is_recent = |(_, at): &(Vec<u64>, u64)| steps < at + STEPS_BACK;
+        if self.asleep_since.is_some() || self.saved.as_ref().is_some_and(is_recent) {
+            return;
+        }
+        let words = self.saved.take().map_or(Vec::new(), |(words, _)| words);
+        let mut state = HiddenState::saving_into(words);
+        self.simulation.visit(&mut state);
+        self.saved = Some((state.into_words(), steps));
+    }
+
+    /// Goes back to where it was some steps ago, if its last step began after a
+    /// time; says whether it can.
+    fn go_back(&mut self, time: f64) -> bool {
+        if self.simulation.last_start() <= time {
+            return true;
+        }
+        let Some((words, _)) = self.saved.take() else {
+            return false;
+        };
+        let mut state = HiddenState::loading(words);
+        self.simulation.visit(&mut state);
+        state.finish().is_ok()
+    }
+
+    /// Puts it to sleep if from where it is now, at a time that all parts have come
+    /// to, it can move no further than `reach`, in m.
+    fn fall_asleep(&mut self, reach: Option<f64>, now: f64) {
         let (None, Some(reach)) = (self.asleep_since, reach) else {
             return;
         };
@@ -425,12 +580,16 @@ impl Part {
         }
         self.countdown = LOOKS;
         let stepper = self.simulation.stepper();
-        let (system, state) = (stepper.system(), stepper.state());
+        let system = stepper.system();
+        // The last step may have gone beyond.
+        let mut state = stepper.state().clone();
+        state.gather(system, &self.state);
+        state.time = now;
         let rest = self.rest.get_or_insert_with(|| Rest::new(system));
-        if rest.reach(system, state).is_some_and(|r| r <= reach) {
-            self.asleep_since = Some(state.time);
+        if rest.reach(system, &state).is_some_and(|r| r <= reach) {
+            self.asleep_since = Some(now);
             self.rest = None;
-            self.state.clone_from(self.simulation.nodes());
+            self.saved = None;
             self.state.velocities.fill(Vector3::zeros());
         }
     }
@@ -460,25 +619,28 @@ impl Part {
         system.energy(&blocks(&nodes.positions), &blocks(&nodes.velocities))
     }
 
-    /// Says whether it got there with so many steps.
-    fn advance_to(&mut self, time: f64, most_steps: u64) -> Result<bool, StepError> {
+    /// Says whether it got there, or pauses on the way.
+    fn advance_to(&mut self, time: f64, pause: Pause) -> Result<bool, StepError> {
         if self.asleep_since.is_some_and(|since| since <= time) {
             return Ok(true);
         }
-        let done = self
-            .simulation
-            .advance_to(time, most_steps, &mut self.state);
+        let done = self.simulation.advance_to(time, pause, &mut self.state);
         if done == Ok(true) {
             self.ledger = self.simulation.ledger_at(time, &self.state);
         }
-        done.map_err(|error| StepError {
+        done.map_err(|error| self.in_scene(error))
+    }
+
+    /// An error with the indices of the scene.
+    fn in_scene(&self, error: StepError) -> StepError {
+        StepError {
             node: self.island.nodes[error.node],
             suspect: error.suspect.map(|suspect| Suspect {
                 spring: self.island.springs[suspect.spring],
                 ..suspect
             }),
             ..error
-        })
+        }
     }
 }
 
@@ -518,33 +680,4 @@ fn unite(islands: &[Island]) -> Island {
     united.nodes.dedup();
     united.springs.sort_unstable();
     united
-}
-
-/// Does `work` on every item, on several threads; results are in the order of
-/// the items.
-fn in_parallel<T: Send, R: Send>(
-    items: Vec<T>,
-    threads: usize,
-    work: impl Fn(T) -> R + Sync,
-) -> Vec<R> {
-    if threads <= 1 {
-        return items.into_iter().map(work).collect();
-    }
-    let results: Vec<Mutex<Option<R>>> = items.iter().map(|_| Mutex::new(None)).collect();
-    let queue = Mutex::new(items.into_iter().zip(&results));
-    let take = || queue.lock().ok()?.next();
-    std::thread::scope(|scope| {
-        for _ in 0..threads {
-            scope.spawn(|| {
-                while let Some((item, result)) = take() {
-                    let done = work(item);
-                    *result.lock().expect("nobody else has it") = Some(done);
-                }
-            });
-        }
-    });
-    let results = results.into_iter();
-    let done = results.map(|result| result.into_inner().ok().flatten());
-    done.map(|result| result.expect("every item was done"))
-        .collect()
 }

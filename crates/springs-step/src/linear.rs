@@ -7,7 +7,7 @@ use crate::{HiddenState, MethodError, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::{Evaluation, Linearization, Motion, Projection, System, Weights};
 use springs_scene::{Solution, Tangent};
-use springs_solver::{Experience, Options, Price, Route, SolveError, Solver, Subspace};
+use springs_solver::{Experience, Interrupt, Options, Price, Route, SolveError, Solver, Subspace};
 
 /// Forces and matrix of a method at one state, and the solver of their systems.
 pub(crate) struct LinearSystem {
@@ -21,6 +21,9 @@ pub(crate) struct LinearSystem {
     /// last one with the velocities of the fixed blocks at that time.
     is_constant: bool,
     weights: Option<Weights>,
+    /// Weights of a constant matrix that was factorized, and counted, before the
+    /// state was loaded.
+    counted: Option<Weights>,
     anchor_velocities: Vec<Vector3<f64>>,
     /// Bound on the square of the angular frequency of nodes with a mass, in 1/s².
     frequency_square: f64,
@@ -32,6 +35,7 @@ pub(crate) struct LinearSystem {
     setup: Work,
     /// What the solver has learned of the matrices of estimates.
     of_estimates: Experience,
+    interrupt: Interrupt,
 }
 
 /// What is left of a matrix, where it does not need to be assembled as asked.
@@ -232,12 +236,14 @@ impl LinearSystem {
             reduced: reduced(system, hessian),
             is_constant: is_constant(system, hessian),
             weights: None,
+            counted: None,
             anchor_velocities: system.initial_velocities()[system.n_free()..].to_vec(),
             frequency_square: system.frequency_bound_of_massive_nodes().powi(2),
             rhs: Vec::new(),
             residual: Vec::new(),
             tensions: Vec::new(),
             setup,
+            interrupt: Interrupt::default(),
         })
     }
 
@@ -246,13 +252,21 @@ impl LinearSystem {
     pub(crate) fn expect_changing_steps(&mut self, system: &System) -> Result<(), SolveError> {
         if self.is_constant {
             self.solver = checked_solver(system, self.hessian, Steps::Changing)?;
+            self.solver.set_interrupt(&self.interrupt);
             self.weights = None;
             self.setup.counts.symbolic_factorizations += 1;
         }
         Ok(())
     }
 
-    /// What its solver has learned; the matrix itself is made anew.
+    pub(crate) fn set_interrupt(&mut self, interrupt: &Interrupt) {
+        self.interrupt = interrupt.clone();
+        self.solver.set_interrupt(interrupt);
+        self.components.set_interrupt(interrupt);
+    }
+
+    /// What its solver has learned; the matrix itself is made anew, which is not
+    /// counted again if it is constant.
     pub(crate) fn visit(&mut self, state: &mut HiddenState) {
         let experience = self.solver.experience();
         for experience in [experience, &mut self.of_estimates] {
@@ -261,8 +275,19 @@ impl LinearSystem {
             state.count(&mut experience.pause);
             state.count(&mut experience.next_pause);
         }
+        let constant = self.weights.or(self.counted).filter(|_| self.is_constant);
+        let mut counted =
+            constant.map(|weights| [weights.mass, weights.damping, weights.stiffness]);
+        state.option(&mut counted, |weights, state| {
+            weights.iter_mut().for_each(|weight| state.real(weight))
+        });
         if state.is_loading() {
             self.weights = None;
+            self.counted = counted.map(|[mass, damping, stiffness]| Weights {
+                mass,
+                damping,
+                stiffness,
+            });
         }
     }
 
@@ -420,6 +445,9 @@ impl LinearSystem {
         at: Evaluation<'_>,
         work: &mut Work,
     ) -> Result<(), MethodError> {
+        if self.interrupt.is_requested() {
+            return Err(MethodError::Interrupted);
+        }
         work.counts.linearizations += 1;
         let anchor_velocities = &at.v[system.n_free()..];
         if self.is_constant
@@ -435,6 +463,10 @@ impl LinearSystem {
         let at = self.taken(at);
         timed(&mut work.phases.assembly, || {
             system.linearize(&at, &mut self.out);
+            if self.is_constant {
+                // As in steps that find the matrix made already, to the last bit.
+                system.forces(at.x, at.v, &mut self.out.forces);
+            }
         });
         let before = self.solver.counts();
         let matrix = &self.out.matrix;
@@ -442,7 +474,10 @@ impl LinearSystem {
             self.solver
                 .set_matrix(matrix.diagonal(), matrix.off_diagonal())
         });
-        work.counts.factorizations += self.solver.counts().factorizations - before.factorizations;
+        if self.counted.take() != Some(at.weights) {
+            let factorizations = self.solver.counts().factorizations;
+            work.counts.factorizations += factorizations - before.factorizations;
+        }
         count(self.solver.take_check_counts(), work);
         self.weights = done.is_ok().then_some(at.weights);
         done.map_err(MethodError::of)

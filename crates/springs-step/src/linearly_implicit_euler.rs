@@ -9,7 +9,7 @@ use crate::{
 use nalgebra::Vector3;
 use springs_assembly::{Evaluation, Projection, System, Weights};
 use springs_scene::Tangent;
-use springs_solver::SolveError;
+use springs_solver::{Interrupt, SolveError};
 
 /// (M + hD + h²H) v' = M v + h f, x' = x + h v'.
 ///
@@ -160,6 +160,10 @@ impl Method for LinearlyImplicitEuler {
 
     fn expect_changing_steps(&mut self, system: &System) -> Result<(), SolveError> {
         self.linear.expect_changing_steps(system)
+    }
+
+    fn set_interrupt(&mut self, interrupt: &Interrupt) {
+        self.linear.set_interrupt(interrupt);
     }
 
     fn restart(&mut self) {

@@ -3,7 +3,7 @@
 use crate::{Anchors, Flows, HiddenState, MethodError, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::System;
-use springs_solver::SolveError;
+use springs_solver::{Interrupt, SolveError};
 
 /// The time span of one step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -64,6 +64,10 @@ pub trait Method: Send {
     fn expect_changing_steps(&mut self, _system: &System) -> Result<(), SolveError> {
         Ok(())
     }
+
+    /// Whom to hear during a step that may take long: asked to stop, it ends soon
+    /// with [`MethodError::Interrupted`].
+    fn set_interrupt(&mut self, _interrupt: &Interrupt) {}
 
     /// Forgets hidden state; the next step starts from positions and
     /// velocities alone.

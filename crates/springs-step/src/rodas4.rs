@@ -9,7 +9,7 @@ use crate::{
 };
 use nalgebra::Vector3;
 use springs_assembly::{Evaluation, Projection, System, Weights};
-use springs_solver::SolveError;
+use springs_solver::{Interrupt, SolveError};
 
 /// Order 4 with an embedded result of order 3, L-stable, linearly implicit: one
 /// factorization and six solutions a step (Hairer and Wanner: Solving Ordinary
@@ -153,6 +153,10 @@ impl Method for Rodas4 {
 
     fn expect_changing_steps(&mut self, system: &System) -> Result<(), SolveError> {
         self.linear.expect_changing_steps(system)
+    }
+
+    fn set_interrupt(&mut self, interrupt: &Interrupt) {
+        self.linear.set_interrupt(interrupt);
     }
 
     fn restart(&mut self) {}

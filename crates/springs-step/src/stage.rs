@@ -5,7 +5,7 @@ use crate::method::spread;
 use crate::{HiddenState, MethodError, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::{Evaluation, ForceEmitter as _, Projection, System, Weights};
-use springs_solver::SolveError;
+use springs_solver::{Interrupt, SolveError};
 
 /// Solver of M v = p + c f(x, v), x = q + c v for the velocities v of a stage.
 ///
@@ -286,6 +286,11 @@ impl Stage {
         system
             .springs()
             .predict_tensions(&state.x, &self.delta, c, &mut self.tensions);
+    }
+
+    /// As [`crate::Method::set_interrupt`].
+    pub(crate) fn set_interrupt(&mut self, interrupt: &Interrupt) {
+        self.linear.set_interrupt(interrupt);
     }
 
     /// As [`crate::Method::expect_changing_steps`].

@@ -7,7 +7,8 @@ use crate::{
     State, StepError, Suspect, Work,
 };
 use springs_assembly::{System, compile};
-use springs_scene::Scene;
+use springs_scene::{self as scene, Scene, StepControl};
+use springs_solver::Interrupt;
 
 /// A compiled scene with a method that advances it.
 pub struct Stepper {
@@ -58,18 +59,23 @@ impl Clock {
 }
 
 impl Stepper {
-    /// Compiles the scene with the method of its settings. Since nodes may be
-    /// moved between steps, nothing is left out because of where they are.
+    /// Compiles the scene with the method of its settings; `Auto` without a step
+    /// is TR-BDF2, which can move any scene in steps of any size. Since nodes may
+    /// be moved between steps, nothing is left out because of where they are.
     ///
     /// # Errors
     ///
     /// If the scene is wrong or the method cannot move it.
     pub fn new(scene: &Scene) -> Result<Self, SetupError> {
         let mut scene = scene.clone();
-        scene.settings.skip = false;
+        let settings = &mut scene.settings;
+        settings.skip = false;
+        let is_open = !matches!(settings.step, StepControl::Fixed(_));
+        if settings.method == scene::Method::Auto && is_open {
+            settings.method = scene::Method::TrBdf2;
+        }
         let system = compile(&scene)?;
-        let anchors = Anchors::new(&system, &State::initial(&system));
-        let method = start(&scene, &system, &anchors)?.method;
+        let method = start(&scene, &system)?.method;
         Ok(Self::with_method(system, method))
     }
 
@@ -114,6 +120,11 @@ impl Stepper {
         &self.anchors
     }
 
+    /// Scene, anchors and method apart.
+    pub(crate) fn apart(&mut self) -> ((&System, &Anchors), &mut dyn Method) {
+        ((&self.system, &self.anchors), &mut *self.method)
+    }
+
     /// The method.
     pub fn method(&self) -> &dyn Method {
         &*self.method
@@ -127,6 +138,12 @@ impl Stepper {
     /// The global vectors after the last step.
     pub fn state(&self) -> &State {
         &self.state
+    }
+
+    /// Whom to hear during steps that may take long: asked to stop, they fail with
+    /// [`Cause::Interrupted`].
+    pub fn set_interrupt(&mut self, interrupt: &Interrupt) {
+        self.method.set_interrupt(interrupt);
     }
 
     /// Makes one step of size `h` in s: section 2.1 of the note.
@@ -300,6 +317,11 @@ impl Stepper {
     /// The attempted step is taken back; hidden state was not touched.
     pub(crate) fn reject(&mut self) {
         self.state.copy_from(&self.before);
+    }
+
+    /// What the method carries along.
+    pub(crate) fn visit_method(&mut self, state: &mut HiddenState) {
+        self.method.visit(state);
     }
 
     pub(crate) fn visit(&mut self, state: &mut HiddenState) {

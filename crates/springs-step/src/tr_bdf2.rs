@@ -8,7 +8,7 @@ use crate::{
 };
 use nalgebra::Vector3;
 use springs_assembly::System;
-use springs_solver::SolveError;
+use springs_solver::{Interrupt, SolveError};
 
 /// γ = 2 − √2: both stages then have the same matrix coefficient.
 const GAMMA: f64 = 2.0 - std::f64::consts::SQRT_2;
@@ -243,6 +243,10 @@ impl Method for TrBdf2 {
 
     fn expect_changing_steps(&mut self, system: &System) -> Result<(), SolveError> {
         self.stage.expect_changing_steps(system)
+    }
+
+    fn set_interrupt(&mut self, interrupt: &Interrupt) {
+        self.stage.set_interrupt(interrupt);
     }
 
     fn restart(&mut self) {

@@ -20,12 +20,7 @@ pub(crate) struct CheckArguments {
 pub(crate) fn check(arguments: &CheckArguments) -> anyhow::Result<Ending> {
     let source = arguments.scene.load()?;
     let scene = &source.scene;
-    let trials = trials(scene);
-    let compiled = match trials {
-        None => scene.clone(),
-        Some(_) => without_trials(scene),
-    };
-    let islands = Islands::new(&compiled).map_err(|error| source.advised(&error))?;
+    let islands = Islands::new(scene).map_err(|error| source.advised(&error))?;
     let skipped = skipped(scene, &islands);
     let suspicious = suspicious(scene, &islands);
     let largest = islands.largest().simulation();
@@ -82,20 +77,8 @@ pub(crate) fn check(arguments: &CheckArguments) -> anyhow::Result<Ending> {
         .tangent
         .map_or(String::new(), |tangent| format!(" with {tangent} tangent"));
     let duration = scene.settings.duration;
-    match (trials, choice.pace) {
-        (Some(settled), _) => {
-            let method = scene.settings.method;
-            let error = asked_for(scene);
-            writeln!(
-                text,
-                "  {method}: steps for an error of {error} after {duration} s"
-            )?;
-            writeln!(
-                text,
-                "  a run makes trial runs first; they settle {settled}"
-            )?;
-        }
-        (None, Pace::Fixed(h)) => {
+    match choice.pace {
+        Pace::Fixed(h) => {
             let plan = largest.plan().expect("steps of fixed size have a plan");
             let steps = count(plan.n_steps() as usize, "step");
             let (method, h) = (choice.method, short(h));
@@ -107,7 +90,7 @@ pub(crate) fn check(arguments: &CheckArguments) -> anyhow::Result<Ending> {
                 writeln!(text, "  the last step is shortened to {} s", short(rest))?;
             }
         }
-        (None, Pace::Tolerance(_)) => {
+        Pace::Tolerance(_) => {
             let (method, error) = (choice.method, asked_for(scene));
             writeln!(
                 text,
@@ -115,7 +98,17 @@ pub(crate) fn check(arguments: &CheckArguments) -> anyhow::Result<Ending> {
             )?;
         }
     }
-    if !choice.reason.is_empty() && trials.is_none() {
+    if largest.needs_trials() {
+        let settled = match choice.method {
+            Method::Auto => "the method and its steps",
+            _ => "the number of equal steps",
+        };
+        writeln!(
+            text,
+            "  a run makes trial runs first; they settle {settled}"
+        )?;
+    }
+    if !choice.reason.is_empty() {
         writeln!(text, "  because {}", choice.reason)?;
     }
     let blocks = systems().map(|system| system.n_free() + system.pattern().pairs().len());
@@ -129,8 +122,8 @@ pub(crate) fn check(arguments: &CheckArguments) -> anyhow::Result<Ending> {
     for part in islands.parts() {
         let simulation = part.simulation();
         // One for the steps, one to find out whether the part is at rest.
-        let solvers =
-            u64::from(simulation.choice().has_matrix()) + u64::from(scene.settings.sleep.is_some());
+        let may_solve = simulation.needs_trials() || simulation.choice().has_matrix();
+        let solvers = u64::from(may_solve) + u64::from(scene.settings.sleep.is_some());
         if solvers > 0 {
             let system = simulation.stepper().system();
             let bytes_each = solver_memory(system).context("the solver cannot be sized")?;
@@ -158,33 +151,6 @@ pub(crate) fn check(arguments: &CheckArguments) -> anyhow::Result<Ending> {
     }
     print(&text)?;
     Ok(Ending::Done)
-}
-
-/// What trial runs settle, if the run of the scene makes some.
-fn trials(scene: &Scene) -> Option<&'static str> {
-    let settings = &scene.settings;
-    // With a tangent, these methods are refused before any trial.
-    if matches!(settings.step, StepControl::Fixed(_)) || settings.tangent.is_some() {
-        return None;
-    }
-    match settings.method {
-        Method::Auto => Some("the method and its steps"),
-        Method::ImplicitMidpoint | Method::FilteredLeapfrog => Some("the number of equal steps"),
-        _ => None,
-    }
-}
-
-/// The scene with a step, which needs no trial runs; in the same parts, planes
-/// and lines.
-fn without_trials(scene: &Scene) -> Scene {
-    let mut scene = scene.clone();
-    let settings = &mut scene.settings;
-    settings.step = StepControl::Fixed(settings.duration.max(1.0));
-    if settings.method == Method::Auto {
-        // One that can move anything.
-        settings.method = Method::ImplicitEuler;
-    }
-    scene
 }
 
 fn asked_for(scene: &Scene) -> String {

@@ -12,7 +12,8 @@ use springs::io::{
 };
 use springs::report::{self, Timings, TurnedOver, report};
 use springs::scene::Scene;
-use springs::step::{Account, Frame, Islands, Observer, Outcome, StepError, Work};
+use springs::solver::Interrupt;
+use springs::step::{Account, Frame, Islands, Observer, Outcome, Patience, StepError};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -134,8 +135,8 @@ struct Run {
     signals: Signals,
     begin: Instant,
     setup: Duration,
-    /// What was done before the first step.
-    trials: Work,
+    /// Time of trial runs that an earlier run made.
+    trials_before: Duration,
     /// So far.
     turned_over: TurnedOver,
     quiet: bool,
@@ -157,8 +158,8 @@ pub(crate) fn run(arguments: &RunArguments) -> anyhow::Result<Ending> {
         Some(frames) => frames as usize,
         None => default_intervals(&source.scene),
     };
-    let run = Run {
-        trials: islands.work(),
+    let mut run = Run {
+        trials_before: Duration::ZERO,
         turned_over: TurnedOver::default(),
         scene: source.scene,
         islands,
@@ -171,7 +172,7 @@ pub(crate) fn run(arguments: &RunArguments) -> anyhow::Result<Ending> {
         quiet: arguments.quiet,
         at_the_end: None,
     };
-    run.signals.note_the_first();
+    run.hear_signals();
     let output = Output::begin(&run.folder, &arguments.write, intervals, arguments.force)?;
     run.go(output)
 }
@@ -211,20 +212,14 @@ pub(crate) fn resume(arguments: &ResumeArguments) -> anyhow::Result<Ending> {
     scene.settings.skip = about.skip;
     scene.settings.threads = arguments.threads.map_or(0, at_most_useful);
     let mut islands = Islands::new(&scene).map_err(|error| foreign(&path, &error.to_string()))?;
-    let trials = islands.work();
     islands
         .restore(words)
         .map_err(|error| foreign(&path, &error.to_string()))?;
-    signals.note_the_first();
     about
         .check(&scene, &islands)
         .map_err(|why| foreign(&path, why))?;
-    let output = Output::resume(folder, lock, &about.written).map_err(|error| match error {
-        ContinueError::File(error) => anyhow::Error::from(Unwritten::from(error)),
-        other => foreign(&path, &other.to_string()).into(),
-    })?;
-    let run = Run {
-        trials,
+    let mut run = Run {
+        trials_before: islands.trial_time(),
         turned_over: TurnedOver(about.turned_over),
         scene,
         islands,
@@ -237,6 +232,11 @@ pub(crate) fn resume(arguments: &ResumeArguments) -> anyhow::Result<Ending> {
         quiet: arguments.quiet,
         at_the_end: None,
     };
+    run.hear_signals();
+    let output = Output::resume(folder, lock, &about.written).map_err(|error| match error {
+        ContinueError::File(error) => anyhow::Error::from(Unwritten::from(error)),
+        other => foreign(&path, &other.to_string()).into(),
+    })?;
     run.go(output)
 }
 
@@ -260,7 +260,8 @@ impl Run {
         let mut watcher = self.watcher(output);
         let running = Instant::now();
         let outcome = self.simulate(&mut watcher);
-        watcher.stepping = running.elapsed().saturating_sub(watcher.writing);
+        let others = watcher.writing + self.trial_time();
+        watcher.stepping = running.elapsed().saturating_sub(others);
         watcher.progress.finish_and_clear();
         let results = match outcome {
             Ok(outcome) => self.complete(&mut watcher, outcome),
@@ -299,6 +300,18 @@ impl Run {
         })
     }
 
+    /// From now on the first signal is only noted, and the simulation stops soon.
+    fn hear_signals(&mut self) {
+        self.signals.note_the_first();
+        let interrupt = Interrupt::from(self.signals.is_interrupted());
+        self.islands.set_interrupt(&interrupt);
+    }
+
+    /// Of the trial runs of this run.
+    fn trial_time(&self) -> Duration {
+        self.islands.trial_time().saturating_sub(self.trials_before)
+    }
+
     fn watcher(&self, output: Output) -> Watcher {
         Watcher {
             is_interrupted: self.signals.is_interrupted(),
@@ -312,9 +325,8 @@ impl Run {
             stepping: Duration::ZERO,
             writing: Duration::ZERO,
             failure: None,
-            every: self.every,
-            steps: 0,
-            next_checkpoint: self.islands.time(),
+            next_checkpoint: self.next_checkpoint(),
+            // One to begin with.
             is_due: self.every.is_some(),
             turned_over: self.turned_over,
             next_look: self.islands.time(),
@@ -377,6 +389,7 @@ impl Run {
     fn report(&self, watcher: &Watcher, ending: report::Ending) -> Report {
         let timings = Timings {
             setup: self.setup,
+            trials: self.trial_time(),
             stepping: watcher.stepping,
             output: watcher.writing,
             total: self.begin.elapsed(),
@@ -386,7 +399,6 @@ impl Run {
             &self.islands,
             ending,
             timings,
-            &self.trials,
             watcher.turned_over,
         )
     }
@@ -437,13 +449,25 @@ impl Run {
         self.write_checkpoint(watcher.output.written())?;
         watcher.output.checkpoint_written();
         watcher.is_due = false;
-        watcher.steps = 0;
-        if let Some(Every::Seconds(seconds)) = self.every {
-            let periods = (self.islands.time() / seconds * (1.0 + 1e-12)).floor();
-            watcher.next_checkpoint = (periods + 1.0) * seconds;
-        }
+        watcher.next_checkpoint = self.next_checkpoint();
         watcher.writing += start.elapsed();
         Ok(())
+    }
+
+    /// When the next checkpoint after the present state is due.
+    fn next_checkpoint(&self) -> Patience {
+        let mut next = Patience::NEVER;
+        match self.every {
+            None => {}
+            Some(Every::Steps(steps)) => {
+                next.steps = self.islands.steps().saturating_add(steps);
+            }
+            Some(Every::Seconds(seconds)) => {
+                let periods = (self.islands.time() / seconds * (1.0 + 1e-12)).floor();
+                next.time = (periods + 1.0) * seconds;
+            }
+        }
+        next
     }
 
     fn write_checkpoint(&mut self, written: Written) -> Result<(), WriteError> {
@@ -495,11 +519,7 @@ struct Watcher {
     stepping: Duration,
     writing: Duration,
     failure: Option<Unwritten>,
-    every: Option<Every>,
-    /// Since the last checkpoint.
-    steps: u64,
-    /// In simulated seconds.
-    next_checkpoint: f64,
+    next_checkpoint: Patience,
     is_due: bool,
     /// Energy that moved so far.
     turned_over: TurnedOver,
@@ -542,8 +562,25 @@ impl Watcher {
 const MOST_UNWRITTEN: usize = 1 << 28;
 
 impl Observer for Watcher {
+    fn trial(&mut self, steps: u64) -> ControlFlow<()> {
+        if !self.progress.is_hidden() && self.last_drawn.elapsed() >= REDRAW {
+            self.progress
+                .set_message(format!("{steps} steps of trial runs"));
+            self.last_drawn = Instant::now();
+        }
+        if self.is_interrupted() {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
+        }
+    }
+
     fn frame(&mut self, frame: Frame<'_>) -> ControlFlow<()> {
         self.write(|output| output.frame(frame))
+    }
+
+    fn patience(&self) -> Patience {
+        self.next_checkpoint
     }
 
     fn wants_account(&self) -> bool {
@@ -559,7 +596,7 @@ impl Observer for Watcher {
         self.write(|output| output.account(&account))
     }
 
-    fn step(&mut self, time: f64) -> ControlFlow<()> {
+    fn step(&mut self, time: f64, steps: u64) -> ControlFlow<()> {
         if !self.progress.is_hidden() && self.last_drawn.elapsed() >= REDRAW {
             let done = time / self.duration;
             self.progress.set_position((done * PROGRESS as f64) as u64);
@@ -570,12 +607,7 @@ impl Observer for Watcher {
             self.is_look_due = true;
             self.next_look = time + self.duration / LOOKS;
         }
-        self.steps += 1;
-        self.is_due = match self.every {
-            None => false,
-            Some(Every::Steps(steps)) => self.steps >= steps,
-            Some(Every::Seconds(_)) => time >= self.next_checkpoint,
-        };
+        self.is_due = self.next_checkpoint.is_used_up(time, steps);
         if self.is_due || self.is_interrupted() || self.failure.is_some() {
             ControlFlow::Break(())
         } else {

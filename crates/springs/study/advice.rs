@@ -153,7 +153,7 @@ pub(super) fn measure_again(
             }
             let method = trial.method.parse().expect("the name of a method");
             let scene = with(scene, method, trial.setting.control());
-            let supervised = clock.supervise(1.0, |stop| least_seconds(&scene, stop))?;
+            let supervised = clock.supervise(1.0, |interrupt| least_seconds(&scene, interrupt))?;
             if supervised.result.is_finite() {
                 trial.seconds = trial.seconds.min(supervised.result);
                 trial.repeats += 1;

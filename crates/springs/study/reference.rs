@@ -201,7 +201,7 @@ fn solve(
     if clock.fraction() >= share {
         return Ok(Err(None));
     }
-    let supervised = clock.supervise(share, |stop| recorded(scene, stop))?;
+    let supervised = clock.supervise(share, |interrupt| recorded(scene, interrupt))?;
     if supervised.is_interrupted {
         return Err(StudyError::Stopped);
     }

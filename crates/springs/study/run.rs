@@ -3,8 +3,10 @@
 use super::{Progress, StudyError};
 use nalgebra::Vector3;
 use springs_scene::Scene;
+use springs_solver::Interrupt;
 use springs_step::{Frame, Islands, Observer, Outcome, SetupError, StepError};
 use std::ops::ControlFlow;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::thread;
@@ -58,17 +60,18 @@ impl<'a> Clock<'a> {
     pub(super) fn supervise<R: Send>(
         &mut self,
         share: f64,
-        work: impl FnOnce(&AtomicBool) -> R + Send,
+        work: impl FnOnce(&Interrupt) -> R + Send,
     ) -> Result<Supervised<R>, StudyError> {
-        let stop = AtomicBool::new(false);
+        let stop = Arc::new(AtomicBool::new(false));
+        let interrupt = Interrupt::from(stop.clone());
         let (done, is_done) = channel::<()>();
         let mut is_interrupted = false;
         let result = thread::scope(|scope| {
-            let stop = &stop;
+            let interrupt = &interrupt;
             let worker = thread::Builder::new().spawn_scoped(scope, move || {
                 // Dropped at the end, even by a panic.
                 let _done = done;
-                work(stop)
+                work(interrupt)
             })?;
             while is_done.recv_timeout(LOOK) == Err(RecvTimeoutError::Timeout) {
                 is_interrupted |= self.tell("").is_break();
@@ -116,25 +119,23 @@ pub(super) enum NoRun {
 }
 
 /// Runs a scene and records where its nodes were.
-pub(super) fn recorded(scene: &Scene, stop: &AtomicBool) -> Result<Run, NoRun> {
-    simulate(scene, FRAMES, stop)
+pub(super) fn recorded(scene: &Scene, interrupt: &Interrupt) -> Result<Run, NoRun> {
+    simulate(scene, FRAMES, interrupt)
 }
 
 /// Runs a scene without looking at it.
-pub(super) fn timed(scene: &Scene, stop: &AtomicBool) -> Result<Run, NoRun> {
-    simulate(scene, 0, stop)
+pub(super) fn timed(scene: &Scene, interrupt: &Interrupt) -> Result<Run, NoRun> {
+    simulate(scene, 0, interrupt)
 }
 
 /// `intervals` of zero record nothing.
-fn simulate(scene: &Scene, intervals: usize, stop: &AtomicBool) -> Result<Run, NoRun> {
+fn simulate(scene: &Scene, intervals: usize, interrupt: &Interrupt) -> Result<Run, NoRun> {
     let begin = Instant::now();
     let mut islands = Islands::new(scene).map_err(NoRun::Refused)?;
-    let mut recorder = Recorder {
-        frames: Vec::new(),
-        stop: Stoppable(stop),
-    };
+    islands.set_interrupt(interrupt);
+    let mut recorder = Recorder { frames: Vec::new() };
     let outcome = match intervals {
-        0 => islands.run(1, &mut recorder.stop),
+        0 => islands.run(1, &mut ()),
         _ => islands.run(intervals, &mut recorder),
     };
     let seconds = begin.elapsed().as_secs_f64();
@@ -149,34 +150,16 @@ fn simulate(scene: &Scene, intervals: usize, stop: &AtomicBool) -> Result<Run, N
     }
 }
 
-/// Stops a run after a step.
-pub(super) struct Stoppable<'a>(pub(super) &'a AtomicBool);
-
-impl Observer for Stoppable<'_> {
-    fn step(&mut self, _time: f64) -> ControlFlow<()> {
-        if self.0.load(Ordering::Relaxed) {
-            ControlFlow::Break(())
-        } else {
-            ControlFlow::Continue(())
-        }
-    }
-}
-
-struct Recorder<'a> {
+struct Recorder {
     frames: Vec<Vec<Vector3<f64>>>,
-    stop: Stoppable<'a>,
 }
 
-impl Observer for Recorder<'_> {
+impl Observer for Recorder {
     fn frame(&mut self, frame: Frame<'_>) -> ControlFlow<()> {
         if frame.index > 0 {
             self.frames.push(frame.nodes.positions.clone());
         }
         ControlFlow::Continue(())
-    }
-
-    fn step(&mut self, time: f64) -> ControlFlow<()> {
-        self.stop.step(time)
     }
 }
 
@@ -185,10 +168,10 @@ const LEAST: f64 = 5e-3;
 
 /// The least time of a run, in s, in this thread; infinite if it was stopped. Of
 /// short runs the first one, which warms up, hardly ever is the least.
-pub(super) fn least_seconds(scene: &Scene, stop: &AtomicBool) -> f64 {
+pub(super) fn least_seconds(scene: &Scene, interrupt: &Interrupt) -> f64 {
     let (mut least, mut sum) = (f64::INFINITY, 0.0);
     while sum < LEAST {
-        match timed(scene, stop) {
+        match timed(scene, interrupt) {
             Ok(run) => {
                 sum += run.seconds;
                 least = least.min(run.seconds);

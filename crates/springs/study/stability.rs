@@ -1,17 +1,17 @@
 //! What becomes of a scene at any step size and stiffness.
 
 use super::reference::with;
-use super::run::{Clock, Stoppable};
+use super::run::Clock;
 use super::{Options, Progress, StudyError};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use serde::Serialize;
 use springs_assembly::{Energy, compile};
 use springs_scene::{Method, Scene, StepControl, printable};
+use springs_solver::Interrupt;
 use springs_step::{Cause, Outcome, SetupError, Simulation};
 use std::fmt::Write as _;
 use std::ops::ControlFlow;
-use std::sync::atomic::AtomicBool;
 
 /// How a run with one step size and stiffness ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -127,7 +127,7 @@ fn fill(
                 for spring in &mut scene.springs {
                     spring.stiffness *= stiffness_factor;
                 }
-                let supervised = clock.supervise(1.0, |stop| fate(&scene, stop))?;
+                let supervised = clock.supervise(1.0, |interrupt| fate(&scene, interrupt))?;
                 map.interrupted |= supervised.is_interrupted;
                 let Some(fate) = supervised.result else {
                     return Ok(());
@@ -145,12 +145,13 @@ fn fill(
 }
 
 /// `None` if it was stopped.
-fn fate(scene: &Scene, stop: &AtomicBool) -> Option<Fate> {
+fn fate(scene: &Scene, interrupt: &Interrupt) -> Option<Fate> {
     let mut simulation = match Simulation::new(scene) {
         Ok(simulation) => simulation,
         Err(_) => return Some(Fate::Failed),
     };
-    match simulation.run(1, &mut Stoppable(stop)) {
+    simulation.set_interrupt(interrupt);
+    match simulation.run(1, &mut ()) {
         Ok(Outcome::Finished) => {}
         Ok(Outcome::Stopped) => return None,
         Err(error) => {

@@ -5,7 +5,7 @@ use super::run::{Clock, FRAMES, NoRun, Run, distance, least_seconds, recorded};
 use super::{Options, Study, StudyError};
 use serde::Serialize;
 use springs_scene::{Method, Scene, StepControl};
-use std::sync::atomic::AtomicBool;
+use springs_solver::Interrupt;
 
 /// What a run was asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -227,7 +227,7 @@ fn one(
     }
     let size = scene.size();
     let scene = with(scene, method, setting.control());
-    let supervised = clock.supervise(share, |stop| measured(&scene, stop))?;
+    let supervised = clock.supervise(share, |interrupt| measured(&scene, interrupt))?;
     if supervised.is_interrupted {
         return Ok(Some(SweepEnd::Interrupted));
     }
@@ -276,10 +276,10 @@ const MANY_STEPS: u64 = 20 * FRAMES as u64;
 
 /// A recorded run with its time. Frames may cost a part of a step each, so unless
 /// the run is long it is timed apart.
-fn measured(scene: &Scene, stop: &AtomicBool) -> Result<Run, NoRun> {
-    let mut run = recorded(scene, stop)?;
+fn measured(scene: &Scene, interrupt: &Interrupt) -> Result<Run, NoRun> {
+    let mut run = recorded(scene, interrupt)?;
     if run.seconds < LONG || run.steps < MANY_STEPS {
-        let seconds = least_seconds(scene, stop);
+        let seconds = least_seconds(scene, interrupt);
         // If that was stopped, the run with frames is all there is.
         run.seconds = run.seconds.min(seconds);
     }

@@ -1,8 +1,61 @@
-//! Steps of equal size from trial runs.
+//! Trial runs: attempts before the first step, to find out how to step.
 
 use crate::{Anchors, Interval, Method, State, StepPlan, Work};
 use nalgebra::Vector3;
 use springs_assembly::System;
+use springs_solver::Interrupt;
+use std::ops::ControlFlow;
+
+/// Trial runs on their way. They may take long, so they can be stopped.
+pub(crate) struct Trials<'a> {
+    interrupt: &'a Interrupt,
+    /// Hears how many steps were made, and may stop them.
+    watch: &'a mut dyn FnMut(u64) -> ControlFlow<()>,
+    steps: u64,
+    /// What they did so far.
+    pub(crate) work: Work,
+}
+
+/// Somebody stopped trial runs; nothing came of them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Abandoned;
+
+/// Why nothing came of trial runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Unsettled {
+    Abandoned,
+    NotReached,
+    OutOfMemory,
+}
+
+impl From<Abandoned> for Unsettled {
+    fn from(_: Abandoned) -> Self {
+        Self::Abandoned
+    }
+}
+
+impl<'a> Trials<'a> {
+    pub(crate) fn new(
+        interrupt: &'a Interrupt,
+        watch: &'a mut dyn FnMut(u64) -> ControlFlow<()>,
+    ) -> Self {
+        Self {
+            interrupt,
+            watch,
+            steps: 0,
+            work: Work::default(),
+        }
+    }
+
+    /// Takes note of a step, made or failed.
+    pub(crate) fn step(&mut self) -> Result<(), Abandoned> {
+        self.steps += 1;
+        if self.interrupt.is_requested() || (self.watch)(self.steps).is_break() {
+            return Err(Abandoned);
+        }
+        Ok(())
+    }
+}
 
 /// How many equal steps a method needs for a tolerance.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,6 +84,8 @@ const TRUSTED: f64 = 4.0;
 const MARGIN: f64 = 1.5;
 /// Errors fall as the order says if their ratio is within this factor of it.
 const REGULAR: f64 = 2.0;
+/// Runs that fail one after the other, each with steps half as long.
+const MOST_FAILURES: u32 = 12;
 
 /// Finds the number of equal steps from whole runs with 8, 16, 32, … of them,
 /// by Richardson's estimate of the error (Hairer, Nørsett, Wanner: Solving
@@ -43,25 +98,27 @@ const REGULAR: f64 = 2.0;
 /// not trusted to be smaller than the one before by more than twice what the
 /// order says: three runs have to agree.
 ///
-/// `None` if that takes more than `affordable` steps in trial runs.
+/// `None` if that takes more than `affordable` steps in trial runs, or if a dozen
+/// runs fail one after the other.
 pub(crate) fn equal_steps(
     (system, anchors): (&System, &Anchors),
     method: &mut dyn Method,
     (duration, tolerance): (f64, f64),
     affordable: f64,
-    work: &mut Work,
-) -> Option<EqualSteps> {
+    trials: &mut Trials<'_>,
+) -> Result<Option<EqualSteps>, Abandoned> {
     let order = method.order() as i32;
     let gain = 2f64.powi(order);
     let mut coarse: Option<Samples> = None;
     let mut coarse_error = f64::INFINITY;
-    let (mut n, mut made) = (FEWEST, 0.0);
+    let (mut n, mut made, mut failures) = (FEWEST, 0.0, 0);
     loop {
         made += n as f64;
-        if made > affordable {
-            return None;
+        if made > affordable || failures == MOST_FAILURES {
+            return Ok(None);
         }
-        let fine = run((system, anchors), method, duration, n, work);
+        let fine = run((system, anchors), method, duration, n, trials)?;
+        failures = if fine.is_some() { 0 } else { failures + 1 };
         let error = match (&coarse, &fine) {
             (Some(coarse), Some(fine)) => distance(coarse, fine) / (gain - 1.0),
             _ => f64::INFINITY,
@@ -70,15 +127,15 @@ pub(crate) fn equal_steps(
         let trusted = error.max(coarse_error / (gain * REGULAR));
         // Not a number, too, is too large.
         if trusted <= tolerance / MARGIN {
-            return Some(EqualSteps { n, error: trusted });
+            return Ok(Some(EqualSteps { n, error: trusted }));
         }
         let is_regular = (gain / REGULAR..gain * REGULAR).contains(&falls);
         let needed = n as f64 * (MARGIN * error / tolerance).powf(1.0 / f64::from(order));
         if is_regular && needed <= TRUSTED * n as f64 {
-            return Some(EqualSteps {
+            return Ok(Some(EqualSteps {
                 n: needed.ceil() as u64,
                 error: tolerance / MARGIN,
-            });
+            }));
         }
         (coarse, coarse_error) = (fine, error);
         n *= 2;
@@ -94,8 +151,8 @@ fn run(
     method: &mut dyn Method,
     duration: f64,
     n: u64,
-    work: &mut Work,
-) -> Option<Samples> {
+    trials: &mut Trials<'_>,
+) -> Result<Option<Samples>, Abandoned> {
     let plan = StepPlan::equal(duration, n);
     let mut state = State::initial(system);
     let mut samples = Samples::new();
@@ -106,16 +163,18 @@ fn run(
             end: plan.end_of(step),
             size: plan.size_of(step),
         };
-        method
-            .step(system, anchors, interval, &mut state, work)
-            .ok()?;
+        let made = method.step(system, anchors, interval, &mut state, &mut trials.work);
+        trials.step()?;
+        if made.is_err() {
+            return Ok(None);
+        }
         method.accept();
         state.time = interval.end;
         if step.is_multiple_of(n / FEWEST) {
             samples.push(state.x[..system.n_free()].to_vec());
         }
     }
-    Some(samples)
+    Ok(Some(samples))
 }
 
 /// The largest distance of a node from itself, at any of the times.

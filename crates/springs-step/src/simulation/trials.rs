@@ -1,0 +1,124 @@
+//! Trial runs before the first step, and comparisons of methods later on.
+
+use super::{Simulation, Switch};
+use crate::auto::Settled;
+use crate::choose::{Schedule, settle_equal_steps};
+use crate::interpolate::Between;
+use crate::trials::{Abandoned, Trials, Unsettled};
+use crate::{Cause, HiddenState, Interval, StepError, StepPlan};
+use std::ops::ControlFlow;
+use std::time::Instant;
+
+impl Simulation {
+    /// Makes the trial runs that the settings leave open, unless that is done.
+    /// `watch` hears the steps they made and may stop them; they leave nothing
+    /// behind then.
+    ///
+    /// # Errors
+    ///
+    /// If they settle nothing.
+    pub(crate) fn settle(
+        &mut self,
+        watch: &mut dyn FnMut(u64) -> ControlFlow<()>,
+    ) -> Result<ControlFlow<()>, StepError> {
+        let Schedule::Open(controller) = self.schedule else {
+            return Ok(ControlFlow::Continue(()));
+        };
+        let begin = Instant::now();
+        let interrupt = self.interrupt.clone();
+        let mut trials = Trials::new(&interrupt, watch);
+        let settled = match &mut self.auto {
+            Some(auto) => {
+                let compiled = (self.stepper.system(), self.stepper.anchors());
+                auto.settle(compiled, controller, &mut trials)
+                    .and_then(|settled| self.put_settled(settled))
+            }
+            None => {
+                let mut state = HiddenState::saving();
+                self.stepper.visit_method(&mut state);
+                let (compiled, method) = self.stepper.apart();
+                let steps = settle_equal_steps(compiled, method, &controller, &mut trials);
+                if steps.is_err() {
+                    let mut state = HiddenState::loading(state.into_words());
+                    self.stepper.visit_method(&mut state);
+                }
+                steps.map(|steps| {
+                    self.choice.reason = steps.to_string();
+                    self.schedule = Schedule::Fixed(StepPlan::equal(self.duration, steps.n));
+                })
+            }
+        };
+        self.trial_work += trials.work;
+        self.trial_time += begin.elapsed();
+        let cause = match settled {
+            Ok(()) => return Ok(ControlFlow::Continue(())),
+            Err(Unsettled::Abandoned) => return Ok(ControlFlow::Break(())),
+            Err(Unsettled::NotReached) => Cause::NotReached,
+            Err(Unsettled::OutOfMemory) => Cause::OutOfMemory,
+        };
+        Err(self.stepper.error(cause, 0, Interval::default()))
+    }
+
+    /// Begins with what trial runs have settled.
+    pub(super) fn put_settled(&mut self, settled: Settled) -> Result<(), Unsettled> {
+        let Settled {
+            choice,
+            method,
+            schedule,
+        } = settled;
+        let between = Between::of(&choice, &*method, self.stepper.system());
+        self.between = between.map_err(|_| Unsettled::OutOfMemory)?;
+        self.between.set_interrupt(&self.interrupt);
+        self.work += method.setup();
+        self.stepper.change_method(method);
+        if matches!(schedule, Schedule::Fixed(_)) {
+            self.auto = None;
+        }
+        (self.choice, self.schedule) = (choice, schedule);
+        Ok(())
+    }
+
+    /// Goes on with another method, if methods are chosen and one has become
+    /// clearly cheaper. A comparison that is interrupted leaves nothing behind.
+    pub(super) fn review_method(&mut self) -> Result<(), StepError> {
+        let (Some(auto), Schedule::Adaptive(controller)) = (&mut self.auto, &self.schedule) else {
+            return Ok(());
+        };
+        if !auto.is_review_due() {
+            return Ok(());
+        }
+        let begin = Instant::now();
+        let system = self.stepper.system();
+        let mut before = HiddenState::saving();
+        auto.visit(system, &mut before);
+        let interrupt = self.interrupt.clone();
+        let mut watch = |_| ControlFlow::Continue(());
+        let mut trials = Trials::new(&interrupt, &mut watch);
+        let compiled = (system, self.stepper.anchors());
+        let picked = auto.review(compiled, self.stepper.state(), controller, &mut trials);
+        self.trial_work += trials.work;
+        self.trial_time += begin.elapsed();
+        let picked = match picked {
+            Ok(Some(picked)) => picked,
+            Ok(None) => return Ok(()),
+            Err(Abandoned) => {
+                let mut state = HiddenState::loading(before.into_words());
+                auto.visit(system, &mut state);
+                return Err(self.interrupted());
+            }
+        };
+        let (step_size, reason) = (picked.step_size, picked.choice.reason.clone());
+        if let Some(setup) = self.put_to_use(picked) {
+            self.work += setup;
+            self.switches.push(Switch {
+                time: self.stepper.time(),
+                method: self.choice.method,
+                reason,
+            });
+            if let Schedule::Adaptive(controller) = &mut self.schedule {
+                controller.change_method(step_size);
+            }
+        }
+        Ok(())
+    }
+}

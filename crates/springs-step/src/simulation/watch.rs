@@ -1,0 +1,65 @@
+//! A watch over the energy of every step.
+
+use super::Simulation;
+use crate::choose::Schedule;
+use crate::{Cause, Counts, Interval};
+use springs_assembly::ForceEmitter as _;
+
+/// Evaluations of forces between two looks at the energy of springs, where no
+/// linear system is solved, beside which a look costs nothing.
+const LOOK_AT_SPRINGS: u64 = 16;
+
+/// So many times the energy that was known to be there is not possible.
+const IMPOSSIBLE: f64 = 1e4;
+
+/// Energy of springs counts from this strain on. Methods that filter stiff
+/// springs hold their tension with a stretch that is far too large for their
+/// stiffness, but small.
+const NOTABLE_STRAIN: f64 = 0.5;
+
+impl Simulation {
+    /// What is wrong with the energy after the attempted step, if anything is:
+    /// there is far more than there ever was or came in, as with steps that are
+    /// too long for an explicit method, long before numbers overflow.
+    ///
+    /// The kinetic energy is looked at in every step, where it costs nothing; the
+    /// others where that is cheap beside the step, and in the last one.
+    pub(super) fn watch_energy(
+        &mut self,
+        interval: Interval,
+        counts: Counts,
+        anchor_work: f64,
+    ) -> Option<Cause> {
+        let (system, state) = (self.stepper.system(), self.stepper.state());
+        let now = self.work.counts;
+        let is_last = match self.schedule {
+            Schedule::Fixed(plan) => self.stepper.steps() + 1 >= plan.n_steps(),
+            Schedule::Adaptive(_) | Schedule::Open(_) => interval.end >= self.duration,
+        };
+        let looks = is_last
+            || now.solves > counts.solves
+            || now.force_evaluations / LOOK_AT_SPRINGS > counts.force_evaluations / LOOK_AT_SPRINGS;
+        let kinetic = self.stepper.kinetic_energy();
+        let mut elastic = 0.0;
+        if looks {
+            elastic = system.springs().energy(&state.x);
+            if !(kinetic + elastic + system.gravity_energy(&state.x)).is_finite() {
+                return Some(Cause::EnergyOverflow);
+            }
+        }
+        if kinetic + elastic <= IMPOSSIBLE * self.most_energy {
+            return None;
+        }
+        if looks {
+            elastic = system.springs().energy_beyond(NOTABLE_STRAIN, &state.x);
+        }
+        let start = self.ledger.start;
+        let fallen = (start.gravity - system.gravity_energy(&state.x)).abs();
+        // Every step rounds once more.
+        let rounding = system.springs().energy_of_rounding(&state.x);
+        let rounded = (self.stepper.steps() + 1) as f64 * rounding;
+        let known = start.kinetic + start.elastic + anchor_work.abs() + fallen + rounded;
+        self.most_energy = self.most_energy.max(known);
+        (kinetic + elastic > IMPOSSIBLE * self.most_energy).then_some(Cause::EnergyDiverged)
+    }
+}
