@@ -167,6 +167,56 @@ fn a_run_that_is_always_writing_checkpoints_can_be_interrupted() {
     }
 }
 
+/// Scenes in several parts keep to the same intervals.
+#[test]
+fn parts_write_checkpoints_as_often_as_asked_for() {
+    for every in ["100", "0.01s"] {
+        let desk = Desk::new();
+        std::fs::write(
+            desk.path("two.ron"),
+            "Scene(version: 1, gravity: (0, 0, -9.81),
+                nodes: [(position: (0, 0, 0), fixed: true), (position: (1, 0, 0), mass: 1), (position: (-1, 0, 0.5), mass: 1)],
+                springs: [(nodes: (0, 1), stiffness: 100), (nodes: (0, 2), stiffness: 50)],
+                simulation: (method: TrBdf2, step: 0.0001, duration: 1e6))",
+        )
+        .unwrap();
+        let mut child = desk.start(&format!("run two.ron --checkpoint {every} --out o"));
+        let path = desk.path("o/checkpoint.bin");
+        // A round of all parts takes 62 500 s.
+        let mut seen: Vec<Vec<u8>> = Vec::new();
+        wait_until("several checkpoints are written", || {
+            if let Ok(bytes) = std::fs::read(&path)
+                && seen.last() != Some(&bytes)
+            {
+                seen.push(bytes);
+            }
+            seen.len() >= 4
+        });
+        signal(&child, "INT");
+        assert_eq!(child.wait().unwrap().code(), Some(130), "{every}");
+    }
+}
+
+/// Trial runs are part of the run: nothing is lost, and it can be resumed.
+#[test]
+fn a_run_can_be_interrupted_in_its_trial_runs() {
+    let desk = Desk::new();
+    desk.scene(
+        "cloth.ron",
+        "cloth 16 --method implicit-midpoint --tolerance 1e-12",
+    );
+    let mut child = desk.start("run cloth.ron --checkpoint 1s --out o --quiet");
+    wait_until("the first checkpoint is written", || {
+        desk.path("o/checkpoint.bin").exists()
+    });
+    signal(&child, "INT");
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    let report = desk.report("o");
+    assert_eq!(report["status"], "interrupted");
+    assert_eq!(report["steps"], 0);
+    assert!(desk.path("o/checkpoint.bin").exists());
+}
+
 #[test]
 fn a_checkpoint_that_is_not_sound_is_refused() {
     let desk = Desk::new();

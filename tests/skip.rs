@@ -785,6 +785,52 @@ fn sleepers_are_no_further_from_rest_than_was_asked() {
     }
 }
 
+/// With adaptive steps, too, whose ends lie beyond the time at which a part falls
+/// asleep.
+#[test]
+fn what_falls_asleep_stands_still() {
+    // Masses that three damped springs hold, so that all motion dies away.
+    let mut scene = Scene::default();
+    for part in 0..4 {
+        let at = |x: f64, y: f64, z: f64| Vector3::new(x + 5.0 * f64::from(part), y, z);
+        let mass = scene.add_node(Node {
+            mass: 1.0,
+            ..Node::at(at(0.1, 0.2, 0.3))
+        });
+        for anchor in [at(1.0, 0.0, 0.0), at(0.0, 1.0, 0.0), at(0.0, 0.0, 1.0)] {
+            let anchor = scene.add_node(Node::fixed(anchor));
+            let spring = scene.add_spring(mass, anchor, 100.0);
+            scene.springs[spring].damping = 2.0 + f64::from(part);
+        }
+    }
+    scene.gravity.z = -9.81;
+    scene.settings.duration = 20.0;
+    scene.settings.method = Method::TrBdf2;
+    scene.settings.sleep = Some(1e-3);
+    for step in [StepControl::Fixed(0.03), StepControl::Tolerance(1e-2)] {
+        scene.settings.step = step;
+        let mut frames = Frames::default();
+        let mut islands = Islands::new(&scene).unwrap();
+        islands.run(100, &mut frames).unwrap();
+        let fell_asleep = |part: &&springs::step::Part| part.asleep_since() > Some(0.0);
+        let mut n_asleep = 0;
+        for part in islands.parts().iter().filter(fell_asleep) {
+            let since = part.asleep_since().unwrap();
+            let after = frames.0.iter().filter(|(time, _)| *time > since);
+            for (time, nodes) in after {
+                for &node in &part.island().nodes {
+                    let what = format!("node {node}, asleep since {since}, at {time}");
+                    assert_eq!(nodes.velocities[node], Vector3::zeros(), "{what}");
+                    let end = islands.nodes().positions[node];
+                    assert_eq!(nodes.positions[node], end, "{what}");
+                }
+            }
+            n_asleep += 1;
+        }
+        assert!(n_asleep > 2, "{n_asleep} parts, {step:?}");
+    }
+}
+
 /// Remembers the frames it sees.
 #[derive(Default)]
 struct Frames(Vec<(f64, NodeStates)>);

@@ -313,7 +313,7 @@ impl Simulation {
         loop {
             if let Some(interval) = self.last.filter(|_| !self.is_told) {
                 let told = self.tell(frames, interval, observer)?;
-                if told.is_break() && !self.is_finished() {
+                if told.is_break() && !(self.is_told && self.is_finished()) {
                     return Ok(Outcome::Stopped);
                 }
             }

@@ -84,7 +84,8 @@ const TRUSTED: f64 = 4.0;
 const MARGIN: f64 = 1.5;
 /// Errors fall as the order says if their ratio is within this factor of it.
 const REGULAR: f64 = 2.0;
-/// Runs that fail one after the other, each with steps half as long.
+/// Runs one after the other that fail, or that go so far that rounding exceeds the
+/// tolerance, each with steps half as long.
 const MOST_FAILURES: u32 = 12;
 
 /// Finds the number of equal steps from whole runs with 8, 16, 32, … of them,
@@ -99,7 +100,7 @@ const MOST_FAILURES: u32 = 12;
 /// order says: three runs have to agree.
 ///
 /// `None` if that takes more than `affordable` steps in trial runs, or if a dozen
-/// runs fail one after the other.
+/// runs one after the other fail or leave the tolerance to rounding.
 pub(crate) fn equal_steps(
     (system, anchors): (&System, &Anchors),
     method: &mut dyn Method,
@@ -118,7 +119,12 @@ pub(crate) fn equal_steps(
             return Ok(None);
         }
         let fine = run((system, anchors), method, duration, n, trials)?;
-        failures = if fine.is_some() { 0 } else { failures + 1 };
+        let is_sound = |fine: &Samples| f64::EPSILON * farthest(fine) <= tolerance;
+        failures = if fine.as_ref().is_some_and(is_sound) {
+            0
+        } else {
+            failures + 1
+        };
         let error = match (&coarse, &fine) {
             (Some(coarse), Some(fine)) => distance(coarse, fine) / (gain - 1.0),
             _ => f64::INFINITY,
@@ -175,6 +181,12 @@ fn run(
         }
     }
     Ok(Some(samples))
+}
+
+/// The largest coordinate at any of the times, in m.
+fn farthest(samples: &Samples) -> f64 {
+    let coordinates = samples.iter().flatten().map(Vector3::amax);
+    coordinates.fold(0.0, f64::max)
 }
 
 /// The largest distance of a node from itself, at any of the times.
