@@ -4,7 +4,7 @@
 
 mod common;
 
-use common::moving::{dumbbell, pendulum, towed, without_middle_mass};
+use common::moving::{dumbbell, pendulum, thrown_past_hook, towed, without_middle_mass};
 use common::{after, distance, solved, with};
 use nalgebra::Vector3;
 use springs::scene::{Method, Node, Scene, StepControl};
@@ -37,7 +37,14 @@ fn estimates_do_not_depend_on_the_frame_of_reference() {
     for (stiffness, amplitude) in [(1e2f64, 0.05), (1e4, 0.01)] {
         let angle: f64 = (2.0 * stiffness).sqrt();
         let exact = 1.0 + amplitude * angle.cos();
-        for method in [Method::TrBdf2, Method::Dop853, Method::Rodas4] {
+        for method in [
+            Method::TrBdf2,
+            Method::Dop853,
+            Method::Rodas4,
+            Method::VelocityVerlet,
+            Method::BlanesMoan4,
+            Method::BlanesMoan6,
+        ] {
             let mut of_rest = 0;
             for velocity in [0.0, 1e2, 1e4] {
                 let scene = dumbbell(stiffness, amplitude, velocity);
@@ -69,6 +76,49 @@ fn errors_of_positions_are_estimated() {
             let error = (run(&towed(), method, tolerance).0[1].x - exact).abs();
             assert!(error < tolerance, "{method}, {tolerance:e}: {error:e}");
         }
+    }
+}
+
+/// The velocity that a short encounter leaves is wrong for all the time after it.
+#[test]
+fn errors_of_velocities_count_for_as_long_as_they_last() {
+    for (closest, stiffness, duration) in [(1e-3, 0.3, 1.0), (1e-3, 3.0, 1.0), (1e-2, 3e-3, 10.0)] {
+        let scene = thrown_past_hook(closest, stiffness, duration);
+        let (exact, trusted) = common::reference(&scene);
+        assert!(trusted < 1e-10);
+        for method in [
+            Method::VelocityVerlet,
+            Method::BlanesMoan4,
+            Method::BlanesMoan6,
+            Method::ImplicitEuler,
+            Method::LinearlyImplicitEuler,
+        ] {
+            let is_of_order_1 = matches!(
+                method,
+                Method::ImplicitEuler | Method::LinearlyImplicitEuler
+            );
+            for k in 2..=if is_of_order_1 { 4 } else { 6 } {
+                let tolerance = 10f64.powi(-k);
+                let (x, steps) = run(&scene, method, tolerance);
+                let error = distance(&x, &exact);
+                let what = format!("{}, {method}: {error:e} in {steps} steps", scene.name);
+                assert!(error < 2.0 * tolerance, "{what}, {tolerance:e}");
+            }
+        }
+    }
+}
+
+/// Errors of vibrations do not last: what they are weighed by does not grow with the
+/// slow swing on top of them.
+#[test]
+fn errors_of_velocities_in_vibrations_do_not_shorten_steps() {
+    for (method, most) in [
+        (Method::VelocityVerlet, 9000),
+        (Method::BlanesMoan4, 4000),
+        (Method::BlanesMoan6, 2200),
+    ] {
+        let (_, steps) = run(&pendulum(1e8), method, 1e-6);
+        assert!(steps < most, "{method}: {steps} steps");
     }
 }
 

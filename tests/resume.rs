@@ -126,7 +126,7 @@ fn every_method_with_a_tolerance() {
     for &method in Method::ALL {
         let mut scene = undamped(9, 5);
         scene.settings.method = method;
-        scene.settings.step = StepControl::Tolerance(1e-3);
+        scene.settings.step = StepControl::Tolerance(2e-3);
         scene.settings.duration = 0.2;
         check(&scene, 5);
     }

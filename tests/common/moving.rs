@@ -220,5 +220,26 @@ pub fn moving_scenes() -> Vec<Scene> {
         dumbbell(1e4, 0.01, 1e3),
         towed(),
         drawn(),
+        thrown_past_hook(1e-3, 0.3, 1.0),
     ]
+}
+
+/// A weight of 1 kg thrown at 1 m/s past a hook, to which a soft spring of 1 m joins
+/// it. The force turns round while it passes within the distance `closest` in m;
+/// the rest is almost free flight.
+pub fn thrown_past_hook(closest: f64, stiffness: f64, duration: f64) -> Scene {
+    let mut scene = Scene {
+        name: format!("thrown past a hook at {closest:e} m, K = {stiffness:e}"),
+        ..Scene::default()
+    };
+    scene.add_node(Node::fixed(Vector3::zeros()));
+    scene.add_node(Node {
+        mass: 1.0,
+        velocity: Vector3::x(),
+        ..Node::at(Vector3::new(-0.1, closest, 0.0))
+    });
+    let spring = scene.add_spring(0, 1, stiffness);
+    scene.springs[spring].rest_length = 1.0;
+    scene.settings.duration = duration;
+    scene
 }

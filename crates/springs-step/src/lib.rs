@@ -45,6 +45,7 @@ mod method;
 mod observer;
 mod parallel;
 mod plan;
+mod response;
 mod rest;
 mod rodas4;
 mod simulation;
