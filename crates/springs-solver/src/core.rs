@@ -158,10 +158,24 @@ impl<const D: usize, const P: usize> Core<D, P> {
         if self.now == Route::Mixed {
             self.counts.factorizations += 1;
             match self.direct.factorize_single(&iterative.matrix) {
-                Err(SolveError::NotPositiveDefinite { .. }) => self.now = Route::Double,
+                Err(SolveError::NotPositiveDefinite { .. }) => return self.replace_single(),
                 done => return done,
             }
         }
+        self.factorize_double()
+    }
+
+    /// Factorizes in double precision what single precision was not good enough
+    /// for.
+    fn replace_single(&mut self) -> Result<(), SolveError> {
+        self.now = Route::Double;
+        self.factorize_double()?;
+        self.chooser.record_mixed(false);
+        Ok(())
+    }
+
+    fn factorize_double(&mut self) -> Result<(), SolveError> {
+        let iterative = self.iterative.as_ref().expect("the matrix by rows");
         self.counts.factorizations += 1;
         self.direct.factorize_rows(&iterative.matrix)
     }
@@ -199,12 +213,14 @@ impl<const D: usize, const P: usize> Core<D, P> {
         if self.now == Route::Mixed {
             let (ending, _) = self.iterate(blocks, MIXED_ACCURACY, MOST_MIXED_ITERATIONS);
             match ending {
-                Ending::Converged => return Ok(()),
+                Ending::Converged => {
+                    self.chooser.record_mixed(true);
+                    return Ok(());
+                }
                 Ending::Interrupted => return Err(SolveError::Interrupted),
                 Ending::Stalled | Ending::Indefinite { .. } => {}
             }
-            self.now = Route::Double;
-            self.factorize()?;
+            self.replace_single()?;
         }
         self.direct.solve_in_place(blocks);
         Ok(())

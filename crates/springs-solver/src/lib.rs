@@ -93,6 +93,10 @@ pub struct Experience {
     pub pause: u32,
     /// How long the next such pause will be.
     pub next_pause: u32,
+    /// Matrices until a factor in single precision is tried again.
+    pub mixed_pause: u32,
+    /// How long the next such pause will be.
+    pub next_mixed_pause: u32,
 }
 
 /// How much a factorization is.

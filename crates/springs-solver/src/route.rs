@@ -10,7 +10,8 @@ pub enum Route {
     Double,
     /// With a factor in single precision; conjugate gradients in double
     /// precision, with the factor as preconditioner, bring each solution to
-    /// 1e-11.
+    /// 1e-11. Where they do not, or single precision finds a matrix indefinite that
+    /// is not, the next matrices are factorized in double precision at once.
     Mixed,
     /// By conjugate gradients without a factor, with a multilevel
     /// preconditioner.
@@ -95,6 +96,7 @@ impl Chooser {
             iteration: Price::of_iteration::<P>(n_blocks, n_pairs),
             experience: Experience {
                 next_pause: FIRST_PAUSE,
+                next_mixed_pause: FIRST_PAUSE,
                 ..Experience::default()
             },
         };
@@ -128,9 +130,28 @@ impl Chooser {
         }
     }
 
-    /// The route where iteration does not converge.
-    pub(crate) fn direct(&self) -> Route {
-        self.direct
+    /// The route of a matrix for which iteration is not wanted or does not converge.
+    pub(crate) fn direct(&mut self) -> Route {
+        let pause = &mut self.experience.mixed_pause;
+        match self.direct {
+            Route::Mixed if *pause > 0 => {
+                *pause -= 1;
+                Route::Double
+            }
+            direct => direct,
+        }
+    }
+
+    /// Takes note of whether a factor in single precision was good enough; if not,
+    /// one in double precision was.
+    pub(crate) fn record_mixed(&mut self, is_good: bool) {
+        let now = &mut self.experience;
+        if is_good {
+            now.next_mixed_pause = FIRST_PAUSE;
+        } else {
+            now.mixed_pause = now.next_mixed_pause;
+            now.next_mixed_pause = longer(now.next_mixed_pause);
+        }
     }
 
     pub(crate) fn price(&self) -> Price {
@@ -153,7 +174,7 @@ impl Chooser {
             now.next_pause = FIRST_PAUSE;
             if is_dear {
                 now.pause = last.next_pause;
-                now.next_pause = (2 * last.next_pause).min(LONGEST_PAUSE);
+                now.next_pause = longer(last.next_pause);
             }
         }
         let is_iterative = now.pause == 0 && matches!(self.asked, Route::Iterative | Route::Auto);
@@ -162,7 +183,7 @@ impl Chooser {
         now.is_iterative = is_iterative;
         match is_iterative {
             true => Route::Iterative,
-            false => self.direct,
+            false => self.direct(),
         }
     }
 
@@ -179,4 +200,8 @@ impl Chooser {
             _ => MOST_ITERATIONS as usize,
         }
     }
+}
+
+fn longer(pause: u32) -> u32 {
+    pause.saturating_mul(2).min(LONGEST_PAUSE)
 }
