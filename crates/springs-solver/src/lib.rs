@@ -85,8 +85,10 @@ pub struct Counts {
 /// route depends.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Experience {
-    /// Iterations of the last matrix.
+    /// Iterations of the last matrix, for all right-hand sides.
     pub iterations: f64,
+    /// Right-hand sides that it was solved for by iteration.
+    pub solutions: u32,
     /// Whether it was solved by iteration without a factor.
     pub is_iterative: bool,
     /// Matrices until that is tried again.

@@ -67,7 +67,8 @@ const WORTH_MIXING: f64 = 1e9;
 const USUAL_ITERATIONS: f64 = 40.0;
 /// A preconditioner is made in the time of so many iterations.
 const PREPARATION: f64 = 4.0;
-/// Iteration is given up when it has cost so many times a direct solution.
+/// Iteration is given up when it has cost so many times what a factor would have,
+/// for all right-hand sides of a matrix.
 const PATIENCE: f64 = 1.5;
 /// If iteration was asked for, it is given up late.
 const MOST_ITERATIONS: f64 = 1e4;
@@ -100,16 +101,20 @@ impl Chooser {
                 ..Experience::default()
             },
         };
-        if chooser.asked == Route::Auto && !chooser.is_cheap(USUAL_ITERATIONS) {
+        if chooser.asked == Route::Auto && !chooser.is_cheap(USUAL_ITERATIONS, 1) {
             chooser.asked = chooser.direct;
         }
         chooser
     }
 
-    /// Whether so many iterations cost less than a direct solution.
-    fn is_cheap(&self, iterations: f64) -> bool {
-        let direct = self.direct_price.matrix + self.direct_price.solution;
-        (PREPARATION + iterations) * self.iteration < direct
+    /// Whether so many iterations for so many right-hand sides cost less than a
+    /// factor and as many substitutions.
+    fn is_cheap(&self, iterations: f64, solutions: u32) -> bool {
+        (PREPARATION + iterations) * self.iteration < self.with_factor(solutions)
+    }
+
+    fn with_factor(&self, solutions: u32) -> f64 {
+        self.direct_price.matrix + f64::from(solutions) * self.direct_price.solution
     }
 
     /// Whether iteration without a factor is ever wanted.
@@ -168,7 +173,7 @@ impl Chooser {
     /// The route of the next matrix.
     pub(crate) fn next(&mut self) -> Route {
         let last = self.experience;
-        let is_dear = !self.is_cheap(last.iterations);
+        let is_dear = !self.is_cheap(last.iterations, last.solutions);
         let now = &mut self.experience;
         if last.is_iterative && self.asked == Route::Auto {
             now.next_pause = FIRST_PAUSE;
@@ -179,7 +184,7 @@ impl Chooser {
         }
         let is_iterative = now.pause == 0 && matches!(self.asked, Route::Iterative | Route::Auto);
         now.pause = now.pause.saturating_sub(1);
-        now.iterations = 0.0;
+        (now.iterations, now.solutions) = (0.0, 0);
         now.is_iterative = is_iterative;
         match is_iterative {
             true => Route::Iterative,
@@ -190,13 +195,17 @@ impl Chooser {
     /// Takes note of a solution by iteration.
     pub(crate) fn record(&mut self, iterations: u64) {
         self.experience.iterations += iterations as f64;
+        self.experience.solutions = self.experience.solutions.saturating_add(1);
     }
 
-    /// Iterations after which a solution is given up.
+    /// Iterations after which the next solution is given up.
     pub(crate) fn most_iterations(&self) -> usize {
-        let direct = self.direct_price.matrix + self.direct_price.solution;
+        let last = self.experience;
+        let with_factor = self.with_factor(last.solutions.saturating_add(1));
+        let most = (PATIENCE * with_factor / self.iteration).ceil() - last.iterations;
         match self.asked {
-            Route::Auto => (PATIENCE * direct / self.iteration).ceil() as usize,
+            // The cast makes zero of what is negative.
+            Route::Auto => most as usize,
             _ => MOST_ITERATIONS as usize,
         }
     }

@@ -271,6 +271,7 @@ impl LinearSystem {
         let experience = self.solver.experience();
         for experience in [experience, &mut self.of_estimates] {
             state.real(&mut experience.iterations);
+            state.count(&mut experience.solutions);
             state.flag(&mut experience.is_iterative);
             state.count(&mut experience.pause);
             state.count(&mut experience.next_pause);
