@@ -1,21 +1,15 @@
-//! A few moments of a run side by side, as an SVG picture.
+//! The picture: panels, axes, legend.
 
-use nalgebra::{Matrix3, Vector3};
-use springs_scene::{Scene, Spring, printable};
+use super::Panel;
+use super::strains::{Strains, colour, colour_of, strain};
+use super::view::View;
+use nalgebra::Vector3;
+use springs_scene::{Scene, printable};
 use std::fmt::Write as _;
 
-/// One moment of a run.
-#[derive(Clone, Debug)]
-pub struct Panel {
-    /// In s.
-    pub time: f64,
-    /// Position of every node of the scene, in m.
-    pub positions: Vec<Vector3<f64>>,
-}
-
 /// Size of the drawing in a panel, in pixels.
-const WIDTH: f64 = 300.0;
-const HEIGHT: f64 = 260.0;
+pub(super) const WIDTH: f64 = 300.0;
+pub(super) const HEIGHT: f64 = 260.0;
 const MARGIN: f64 = 16.0;
 const TITLE: f64 = 58.0;
 const FOOTER: f64 = 72.0;
@@ -65,201 +59,6 @@ pub fn filmstrip(scene: &Scene, panels: &[Panel]) -> String {
     }
     svg.push_str("</svg>\n");
     svg
-}
-
-/// An orthographic projection.
-struct View {
-    right: Vector3<f64>,
-    up: Vector3<f64>,
-    toward: Vector3<f64>,
-    /// Projected centre of all nodes, in m.
-    centre: [f64; 2],
-    /// Pixels per m, horizontally and vertically.
-    scale: [f64; 2],
-}
-
-impl View {
-    fn of(scene: &Scene, panels: &[Panel]) -> Self {
-        let points = || panels.iter().flat_map(|panel| &panel.positions);
-        let [right, up, toward] = axes(&scene.gravity, points);
-        let mut low = [f64::INFINITY; 2];
-        let mut high = [f64::NEG_INFINITY; 2];
-        for point in points() {
-            for (axis, value) in [right.dot(point), up.dot(point)].into_iter().enumerate() {
-                low[axis] = low[axis].min(value);
-                high[axis] = high[axis].max(value);
-            }
-        }
-        let size = [0, 1].map(|axis| (high[axis] - low[axis]).max(0.0));
-        let fit = |size: f64, pixels: f64| match size > 0.0 {
-            true => 0.9 * pixels / size,
-            false => f64::INFINITY,
-        };
-        let (across, along) = (fit(size[0], WIDTH), fit(size[1], HEIGHT));
-        let scale = match across.min(along) {
-            same if same.is_finite() => same,
-            _ => 1.0,
-        };
-        Self {
-            right,
-            up,
-            toward,
-            centre: [0, 1].map(|axis| match panels.is_empty() || scene.nodes.is_empty() {
-                true => 0.0,
-                false => 0.5 * (low[axis] + high[axis]),
-            }),
-            scale: [scale, scale * exaggeration(size, along / scale)],
-        }
-    }
-
-    fn vertical_exaggeration(&self) -> f64 {
-        self.scale[1] / self.scale[0]
-    }
-
-    /// Pixels from the panel's upper left corner.
-    fn project(&self, point: &Vector3<f64>) -> [f64; 2] {
-        let x = (self.right.dot(point) - self.centre[0]) * self.scale[0];
-        let y = (self.up.dot(point) - self.centre[1]) * self.scale[1];
-        [0.5 * WIDTH + x, 0.5 * HEIGHT - y]
-    }
-}
-
-/// How much heights are stretched so that a long flat scene shows its shape: a
-/// round number that fits the panel, 1 if the scene is not flat.
-fn exaggeration(size: [f64; 2], room: f64) -> f64 {
-    if size[1] == 0.0 || size[0] < 4.0 * size[1] {
-        return 1.0;
-    }
-    let steps = [100.0, 50.0, 20.0, 10.0, 5.0, 2.0];
-    let fitting = steps.into_iter().find(|&factor| factor <= 0.7 * room);
-    fitting.unwrap_or(1.0)
-}
-
-/// Right, up and toward the viewer.
-fn axes<'a, I>(gravity: &Vector3<f64>, points: impl Fn() -> I) -> [Vector3<f64>; 3]
-where
-    I: Iterator<Item = &'a Vector3<f64>>,
-{
-    let up = (-gravity).try_normalize(0.0).unwrap_or(Vector3::z());
-    let n = points().count().max(1) as f64;
-    let mean = points().sum::<Vector3<f64>>() / n;
-    let spread: Matrix3<f64> = points()
-        .map(|point| (point - mean) * (point - mean).transpose())
-        .sum::<Matrix3<f64>>()
-        / n;
-    let eigen = spread.symmetric_eigen();
-    let smallest = eigen.eigenvalues.imin();
-    let flat = eigen.eigenvalues[smallest] <= 1e-4 * eigen.eigenvalues.max();
-    let normal = eigen.eigenvectors.column(smallest).into_owned();
-    let across = normal - up * normal.dot(&up);
-    let toward = if flat && across.norm() > 0.5 {
-        // Seen from the front: the side that looks along −y or −x.
-        let sign = if across.x - across.y < 0.0 { -1.0 } else { 1.0 };
-        across.normalize() * sign
-    } else {
-        // Slanted from above, between the two horizontal axes.
-        let first = [Vector3::x(), Vector3::y(), Vector3::z()]
-            .into_iter()
-            .find(|axis| axis.dot(&up).abs() < 0.7)
-            .unwrap_or(Vector3::x());
-        let first = (first - up * first.dot(&up)).normalize();
-        let second = up.cross(&first);
-        let (azimuth, elevation) = (-60f64.to_radians(), 22f64.to_radians());
-        let level = first * azimuth.cos() + second * azimuth.sin();
-        level * elevation.cos() + up * elevation.sin()
-    };
-    let right = up.cross(&toward).normalize();
-    [right, toward.cross(&right), toward]
-}
-
-/// Relative change of length; `None` without a rest length.
-fn strain(spring: &Spring, positions: &[Vector3<f64>]) -> Option<f64> {
-    let [a, b] = spring.nodes.map(|node| positions[node]);
-    (spring.rest_length > 0.0).then(|| (b - a).norm() / spring.rest_length - 1.0)
-}
-
-/// The strains that are told apart.
-#[derive(Clone, Copy)]
-struct Strains {
-    /// The strain, either way, that all but one spring in a hundred stay below:
-    /// a few extreme springs must not take the colour from the others.
-    range: f64,
-    /// The smallest and the largest.
-    ends: [f64; 2],
-}
-
-impl Strains {
-    fn of(scene: &Scene, panels: &[Panel]) -> Self {
-        let strains = panels.iter().flat_map(|panel| {
-            let springs = scene.springs.iter();
-            springs.filter_map(|spring| strain(spring, &panel.positions))
-        });
-        let strains: Vec<f64> = strains.filter(|strain| strain.is_finite()).collect();
-        let ends = strains.iter().fold([0.0f64; 2], |[low, high], &strain| {
-            [low.min(strain), high.max(strain)]
-        });
-        let mut sizes: Vec<f64> = strains.into_iter().map(f64::abs).collect();
-        let rank = sizes.len().saturating_sub(1) * 99 / 100;
-        let range = if sizes.is_empty() {
-            0.0
-        } else {
-            *sizes.select_nth_unstable_by(rank, f64::total_cmp).1
-        };
-        Self { range, ends }
-    }
-
-    /// Colours that occur.
-    fn colours(&self) -> std::ops::RangeInclusive<usize> {
-        let [low, high] = self.ends.map(|end| colour_of(Some(end), self.range));
-        low..=high
-    }
-
-    /// What the ends of the legend say.
-    fn labels(&self) -> [String; 2] {
-        let [low, high] = self.ends;
-        let percent = |strain: f64| format!("{} %", round(100.0 * strain.abs()));
-        let low = match -low {
-            0.0 => "0 %".to_owned(),
-            size if size > self.range => format!("≤ −{}", percent(self.range)),
-            size => format!("−{}", percent(size)),
-        };
-        let high = match high {
-            0.0 => "0 %".to_owned(),
-            size if size > self.range => format!("≥ +{}", percent(self.range)),
-            size => format!("+{}", percent(size)),
-        };
-        [low, high]
-    }
-}
-
-/// Number of different colours, odd so that the middle is neutral.
-const COLOURS: usize = 17;
-
-/// Compressed blue, neutral grey, stretched red: apart for the colour-blind
-/// and in print.
-fn colour(index: usize) -> String {
-    let middle = (COLOURS / 2) as f64;
-    let signed = (index as f64 - middle) / middle;
-    let end = if signed < 0.0 {
-        [20.0, 80.0, 170.0]
-    } else {
-        [190.0, 25.0, 40.0]
-    };
-    let channel = |axis: usize| {
-        let share = signed.abs().powf(0.7);
-        (190.0 + (end[axis] - 190.0) * share).round() as u8
-    };
-    format!("#{:02x}{:02x}{:02x}", channel(0), channel(1), channel(2))
-}
-
-fn colour_of(strain: Option<f64>, range: f64) -> usize {
-    let middle = (COLOURS / 2) as f64;
-    match strain {
-        Some(strain) if range > 0.0 => {
-            (middle + (strain / range).clamp(-1.0, 1.0) * middle).round() as usize
-        }
-        _ => COLOURS / 2,
-    }
 }
 
 fn draw_panel(svg: &mut String, scene: &Scene, panel: &Panel, view: &View, range: f64, left: f64) {
@@ -417,15 +216,16 @@ fn nice_below(value: f64) -> f64 {
 }
 
 /// Three significant digits.
-fn round(value: f64) -> String {
+pub(super) fn round(value: f64) -> String {
     if value == 0.0 {
         return "0".to_owned();
     }
     let digits = 2 - value.abs().log10().floor() as i32;
     let text = format!("{value:.*}", digits.clamp(0, 12) as usize);
-    match text.contains('.') {
-        true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
-        false => text,
+    if text.contains('.') {
+        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    } else {
+        text
     }
 }
 
@@ -438,6 +238,7 @@ fn escape(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::super::strains::COLOURS;
     use super::*;
     use springs_scene::Node;
 
