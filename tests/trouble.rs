@@ -191,6 +191,23 @@ fn a_folder_that_is_removed_is_made_again() {
     );
 }
 
+/// What is not there is not saved.
+#[test]
+fn a_kept_table_that_is_gone_is_not_said_to_be_saved() {
+    let desk = Desk::new();
+    desk.scene("net.ron", "cloth 6 --duration 1e6");
+    let options = "--write csv --frames 1000000 --checkpoint 1e6s --quiet";
+    let child = desk.start_heard(&format!("run net.ron --out d {options}"));
+    wait_until("frames are written", || desk.size("d") > 100_000);
+    std::fs::remove_dir_all(desk.path("d")).unwrap();
+    std::fs::write(desk.path("d"), "in the way").unwrap();
+    signal(&child, "INT");
+    let output = child.wait_with_output().unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("nothing of the run could be saved"), "{said}");
+}
+
 #[test]
 fn a_table_that_was_changed_or_removed_is_not_continued() {
     let desk = Desk::new();
@@ -228,6 +245,50 @@ fn a_table_that_was_changed_or_removed_is_not_continued() {
     let longer = std::fs::read(&path).unwrap();
     assert!(longer.len() > sound["trajectory.csv"].len());
     assert!(longer.starts_with(&sound["trajectory.csv"]));
+}
+
+/// One table is as it was left and longer, the other one is not: both stay.
+#[test]
+fn no_table_is_cut_if_another_one_was_changed() {
+    let desk = Desk::new();
+    desk.scene("net.ron", "cloth 6 --duration 1e6");
+    let options = "--write csv,energy --frames 10000000 --checkpoint 50000s --quiet";
+    let mut child = desk.start(&format!("run net.ron --out d {options}"));
+    // Frames after the checkpoint at the start.
+    wait_until("frames are written", || desk.size("d") > 1_000_000);
+    child.kill().unwrap();
+    child.wait().unwrap();
+    std::fs::write(desk.path("d/energy.csv.part"), "time,kinetic\n").unwrap();
+    let left = contents(&desk, "d");
+    let said = desk.expect(2, "resume d");
+    assert!(
+        said.contains("energy.csv.part is not what the run"),
+        "{said}"
+    );
+    assert!(contents(&desk, "d") == left, "nothing is changed");
+}
+
+#[test]
+fn checkpoints_of_an_earlier_form_are_refused() {
+    let desk = Desk::new();
+    desk.scene("chain.ron", "chain 2 --duration 1e5");
+    let mut child = desk.start("run chain.ron --out d --quiet");
+    wait_until("the run is on its way", || desk.path("d").exists());
+    signal(&child, "INT");
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    let path = desk.path("d/checkpoint.bin");
+    let mut bytes = std::fs::read(&path).unwrap();
+    let version = b"springs checkpoint\n".len();
+    bytes[version] = 2;
+    std::fs::write(&path, bytes).unwrap();
+    let left = contents(&desk, "d");
+    let said = desk.expect(2, "resume d");
+    assert!(said.contains("has version 2 of checkpoints"), "{said}");
+    assert!(
+        said.contains("  go on with the program that wrote it, or start the run again with"),
+        "{said}"
+    );
+    assert!(contents(&desk, "d") == left);
 }
 
 /// A sound check sum, and a content that no run has written.

@@ -12,7 +12,7 @@
 //! | [`io`] | `springs-io` | scene files, trajectories, reports |
 //!
 //! and what belongs to no single one of them: [`report`], [`inspect`],
-//! [`proportions`], [`filmstrip`] and [`study`].
+//! [`proportions`], [`sinks`], [`filmstrip`] and [`study`].
 //!
 //! ```
 //! use springs::scene::generate::{Material, cloth};
@@ -29,6 +29,7 @@ pub mod filmstrip;
 pub mod inspect;
 pub mod proportions;
 pub mod report;
+pub mod sinks;
 pub mod study;
 
 pub use springs_assembly as assembly;

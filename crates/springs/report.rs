@@ -183,8 +183,8 @@ fn energy(islands: &Islands, mut turned_over: TurnedOver) -> EnergyReport {
         ledger,
     });
     EnergyReport {
-        start: sum(&ledger.start),
-        end: sum(&end),
+        start: energy_sum(&ledger.start),
+        end: energy_sum(&end),
         anchor_work: ledger.anchor_work,
         dashpot_heat: ledger.dashpot_heat,
         method_gain: ledger.method_gain(&end),
@@ -192,7 +192,7 @@ fn energy(islands: &Islands, mut turned_over: TurnedOver) -> EnergyReport {
     }
 }
 
-fn sum(energy: &Energy) -> EnergySum {
+pub(crate) fn energy_sum(energy: &Energy) -> EnergySum {
     EnergySum {
         kinetic: energy.kinetic,
         elastic: energy.elastic,

@@ -3,7 +3,7 @@
 use std::fs::File;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
-use tempfile::NamedTempFile;
+use tempfile::{NamedTempFile, TempPath};
 
 /// A file could not be written.
 #[derive(Debug, thiserror::Error)]
@@ -49,16 +49,6 @@ impl Draft {
         }
     }
 
-    /// Where the file will be.
-    pub(crate) fn path(&self) -> &Path {
-        &self.path
-    }
-
-    /// The file, wherever it is.
-    pub(crate) fn file(&mut self) -> &mut File {
-        self.file.as_file_mut()
-    }
-
     /// Appends bytes.
     pub(crate) fn write(&mut self, bytes: &[u8]) -> Result<(), WriteError> {
         self.file.write_all(bytes).map_err(failure(&self.path))
@@ -91,14 +81,15 @@ impl Draft {
 
     /// Gives the file its name; an older one of that name is replaced.
     pub(crate) fn finish(self) -> Result<(), WriteError> {
-        let path = self.path.clone();
-        self.finish_as(&path).map(|_| ())
+        let persisted = self.file.persist(&self.path);
+        persisted
+            .map(|_| ())
+            .map_err(|error| failure(&self.path)(error.error))
     }
 
-    /// Gives the file another name than it was begun for.
-    pub(crate) fn finish_as(self, path: &Path) -> Result<File, WriteError> {
-        let persisted = self.file.persist(path);
-        persisted.map_err(|error| failure(path)(error.error))
+    /// The file, and the name under which it is gone when that is dropped.
+    pub(crate) fn into_parts(self) -> (File, TempPath) {
+        self.file.into_parts()
     }
 }
 

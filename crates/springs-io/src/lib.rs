@@ -1,7 +1,8 @@
 //! Reads and writes mass-spring scenes, trajectories and reports.
 //!
 //! Scenes are RON files, described in [`parse_scene`]; trajectories are CSV;
-//! reports are JSON. Every file appears whole or not at all.
+//! reports are JSON. Every file appears whole or not at all. An output of a run is a
+//! [`SinkKind`].
 //!
 //! ```
 //! let text = "Scene(
@@ -23,20 +24,28 @@
 
 mod atomic;
 mod checkpoint;
+mod energies;
+mod growing;
 mod locate;
 mod read;
 mod report;
 mod scene_file;
+mod sink;
 mod syntax;
 mod table;
+mod trajectory;
 mod write;
 
 pub use atomic::{WriteError, remove_drafts, try_to_write, write_whole};
 pub use checkpoint::{Checkpoint, CheckpointError, read_checkpoint, write_checkpoint};
+pub use energies::ENERGIES;
+pub use growing::{ContinueError, FileMark, FoundFile, GrowingFile, part_name};
 pub use read::{Finding, SceneError, parse_scene, read_scene, read_text};
 pub use report::{
     EnergyReport, EnergySum, FailureReport, IslandReport, Report, SavingReport, SecondsReport,
     SwitchReport, TrialsReport, write_report,
 };
-pub use table::{Beginning, ContinueError, TRAJECTORY_HEADER, TableWriter, TrajectoryFrame};
+pub use sink::{FrameEnergies, Mark, ResumeSink, RunEnd, RunPlan, Sink, SinkKind, TrajectoryFrame};
+pub use table::{Rows, Table};
+pub use trajectory::TRAJECTORY;
 pub use write::{scene_to_string, write_scene};

@@ -1,17 +1,19 @@
 //! `springs run`: simulate a scene; `springs resume`: go on where one stopped.
 
-use super::output::{CHECKPOINT, Extra, Output, Written, lock, make_folder, quoted};
+use super::output::{CHECKPOINT, Output, lock, make_folder, quoted};
 use super::signals::Signals;
 use super::source::{SceneArguments, at_most_useful};
 use super::{Advised, Ending, Unwritten, say, say_error, summary};
+use clap::builder::{PossibleValue, PossibleValuesParser};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::{Deserialize, Serialize};
 use springs::io::{
-    Checkpoint, ContinueError, Report, WriteError, parse_scene, read_checkpoint, scene_to_string,
-    write_checkpoint,
+    Checkpoint, CheckpointError, ContinueError, Report, RunEnd, RunPlan, SinkKind, WriteError,
+    parse_scene, read_checkpoint, scene_to_string, write_checkpoint,
 };
 use springs::report::{self, Timings, TurnedOver, report};
 use springs::scene::Scene;
+use springs::sinks::{Marks, SINKS};
 use springs::solver::Interrupt;
 use springs::step::{Account, Frame, Islands, Observer, Outcome, Patience, StepError};
 use std::ops::ControlFlow;
@@ -32,8 +34,8 @@ pub(crate) struct RunArguments {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     frames: Option<u32>,
     /// What to write besides final.ron and report.json
-    #[arg(long, value_name = "WHAT", value_delimiter = ',')]
-    write: Vec<Extra>,
+    #[arg(long, value_name = "WHAT", value_delimiter = ',', value_parser = outputs())]
+    write: Vec<String>,
     /// Write a checkpoint so often: every 100 (steps), every 0.5s (simulated)
     #[arg(long, value_name = "EVERY")]
     checkpoint: Option<Every>,
@@ -56,6 +58,12 @@ pub(crate) struct ResumeArguments {
     /// No progress and no summary
     #[arg(long)]
     quiet: bool,
+}
+
+/// The names of all outputs.
+fn outputs() -> PossibleValuesParser {
+    let value = |kind: &&dyn SinkKind| PossibleValue::new(kind.name()).help(kind.about());
+    PossibleValuesParser::new(SINKS.iter().map(value))
 }
 
 /// How often checkpoints are written.
@@ -96,7 +104,7 @@ struct About {
     skip: bool,
     intervals: usize,
     every: Option<Every>,
-    written: Written,
+    outputs: Marks,
     /// Energy that moved so far, in J.
     turned_over: f64,
 }
@@ -117,8 +125,6 @@ impl About {
             Err("a node is nowhere")
         } else if !(1..=most_intervals).contains(&self.intervals) {
             Err("its number of frames is not one of a run")
-        } else if !self.written.fits(scene) {
-            Err("its pictures are not of this scene")
         } else {
             Ok(())
         }
@@ -141,7 +147,7 @@ struct Run {
     turned_over: TurnedOver,
     quiet: bool,
     /// What was written when the last files began to be.
-    at_the_end: Option<Written>,
+    at_the_end: Option<Marks>,
 }
 
 pub(crate) fn run(arguments: &RunArguments) -> anyhow::Result<Ending> {
@@ -173,7 +179,7 @@ pub(crate) fn run(arguments: &RunArguments) -> anyhow::Result<Ending> {
         at_the_end: None,
     };
     run.hear_signals();
-    let output = Output::begin(&run.folder, &arguments.write, intervals, arguments.force)?;
+    let output = Output::begin(&run.folder, &arguments.write, &run.plan(), arguments.force)?;
     run.go(output)
 }
 
@@ -199,7 +205,18 @@ pub(crate) fn resume(arguments: &ResumeArguments) -> anyhow::Result<Ending> {
         }
         .into());
     }
-    let Checkpoint { about, words } = read_checkpoint(&path)?;
+    let read = read_checkpoint(&path).map_err(|error| match error {
+        CheckpointError::OtherVersion { .. } => anyhow::Error::from(Advised {
+            message: error.to_string(),
+            advice: Some(
+                "go on with the program that wrote it, or start the run again with \
+                 `springs run … --force`"
+                    .to_owned(),
+            ),
+        }),
+        other => other.into(),
+    });
+    let Checkpoint { about, words } = read?;
     let about: About = serde_json::from_str(&about)
         .map_err(|error| foreign(&path, &format!("it does not say what run it is: {error}")))?;
     let version = env!("CARGO_PKG_VERSION");
@@ -233,7 +250,8 @@ pub(crate) fn resume(arguments: &ResumeArguments) -> anyhow::Result<Ending> {
         at_the_end: None,
     };
     run.hear_signals();
-    let output = Output::resume(folder, lock, &about.written).map_err(|error| match error {
+    let output = Output::resume(folder, lock, &run.plan(), &about.outputs);
+    let output = output.map_err(|error| match error {
         ContinueError::File(error) => anyhow::Error::from(Unwritten::from(error)),
         other => foreign(&path, &other.to_string()).into(),
     })?;
@@ -307,6 +325,14 @@ impl Run {
         self.islands.set_interrupt(&interrupt);
     }
 
+    /// What an output is told before the run.
+    fn plan(&self) -> RunPlan<'_> {
+        RunPlan {
+            scene: &self.scene,
+            intervals: self.intervals,
+        }
+    }
+
     /// Of the trial runs of this run.
     fn trial_time(&self) -> Duration {
         self.islands.trial_time().saturating_sub(self.trials_before)
@@ -315,9 +341,10 @@ impl Run {
     fn watcher(&self, output: Output) -> Watcher {
         Watcher {
             is_interrupted: self.signals.is_interrupted(),
-            progress: match self.quiet {
-                true => ProgressBar::hidden(),
-                false => progress_bar(),
+            progress: if self.quiet {
+                ProgressBar::hidden()
+            } else {
+                progress_bar()
             },
             last_drawn: Instant::now(),
             duration: self.islands.duration(),
@@ -340,9 +367,10 @@ impl Run {
             if watcher.is_due {
                 self.checkpoint(watcher)?;
             }
-            let frames = match watcher.output.wants_frames() {
-                true => self.intervals,
-                false => 1,
+            let frames = if watcher.output.wants_frames() {
+                self.intervals
+            } else {
+                1
             };
             let outcome = self.islands.run(frames, watcher);
             if let Some(unwritten) = watcher.failure.take() {
@@ -371,9 +399,11 @@ impl Run {
             self.checkpoint(watcher)?;
         }
         let writing = Instant::now();
-        self.at_the_end = Some(watcher.output.written());
-        let time = self.islands.time();
-        let written = watcher.output.finish(&self.last(), time)?;
+        self.at_the_end = Some(watcher.output.marks());
+        let written = watcher.output.finish(&RunEnd {
+            scene: &self.last(),
+            time: self.islands.time(),
+        })?;
         watcher.writing += writing.elapsed();
         let report = self.report(watcher, ending);
         watcher.output.report(&report)?;
@@ -407,24 +437,25 @@ impl Run {
     /// so that the run can go on when there is more.
     fn save_what_fits(&mut self, watcher: &mut Watcher, unwritten: Unwritten) -> Unwritten {
         let at_the_end = self.at_the_end.take();
-        let written = at_the_end.unwrap_or_else(|| watcher.output.written());
+        let marks = at_the_end.unwrap_or_else(|| watcher.output.marks());
         let report = self.report(watcher, report::Ending::Interrupted);
         self.turned_over = watcher.turned_over;
         let mut saved = watcher.output.save_what_fits(&self.last(), &report);
-        let can_go_on = watcher.output.holds_tables(&written);
-        if can_go_on && self.write_checkpoint(written).is_ok() {
+        let can_go_on = marks.check(&self.folder, &self.plan()).is_ok();
+        if can_go_on && self.write_checkpoint(marks).is_ok() {
             watcher.output.checkpoint_written();
         }
         let can_go_on = can_go_on && watcher.output.owns_checkpoint();
         if can_go_on {
-            saved.push(CHECKPOINT);
+            saved.push(CHECKPOINT.to_owned());
         }
         let time = summary::short(self.islands.time());
         let advice = if saved.is_empty() {
             format!("nothing of the run could be saved; it had come to {time} s")
         } else if can_go_on {
             format!(
-                "it had come to {time} s; saved are {}; once files can be written again,                  `springs resume {}` goes on",
+                "it had come to {time} s; saved are {}; once files can be written again, \
+                 `springs resume {}` goes on",
                 saved.join(", "),
                 self.folder.display()
             )
@@ -443,10 +474,10 @@ impl Run {
         make_folder(&self.folder)?;
         if self.every.is_some() {
             // What a checkpoint goes on from must be there after a kill.
-            watcher.output.keep_tables()?;
+            watcher.output.keep()?;
         }
         self.turned_over = watcher.turned_over;
-        self.write_checkpoint(watcher.output.written())?;
+        self.write_checkpoint(watcher.output.marks())?;
         watcher.output.checkpoint_written();
         watcher.is_due = false;
         watcher.next_checkpoint = self.next_checkpoint();
@@ -470,7 +501,7 @@ impl Run {
         next
     }
 
-    fn write_checkpoint(&mut self, written: Written) -> Result<(), WriteError> {
+    fn write_checkpoint(&mut self, outputs: Marks) -> Result<(), WriteError> {
         let path = self.folder.join(CHECKPOINT);
         let about = About {
             springs_version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -478,7 +509,7 @@ impl Run {
             skip: self.scene.settings.skip,
             intervals: self.intervals,
             every: self.every,
-            written,
+            outputs,
             turned_over: self.turned_over.0,
         };
         let about = serde_json::to_string(&about).map_err(|error| WriteError {
@@ -558,7 +589,7 @@ impl Watcher {
     }
 }
 
-/// Bytes of rows that are kept in memory if they cannot be written.
+/// Bytes that are kept in memory if they cannot be written.
 const MOST_UNWRITTEN: usize = 1 << 28;
 
 impl Observer for Watcher {

@@ -1,0 +1,178 @@
+//! What an output of a run is: somebody who is shown frames and energies.
+
+use crate::atomic::WriteError;
+use crate::growing::ContinueError;
+use crate::report::EnergySum;
+use nalgebra::Vector3;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use serde_json::value::RawValue;
+use springs_scene::Scene;
+use std::path::Path;
+
+/// An output that a run can be asked for.
+pub trait SinkKind: Send + Sync {
+    /// What asks for it, such as `csv`.
+    fn name(&self) -> &'static str;
+
+    /// What it holds, in a few words.
+    fn about(&self) -> &'static str;
+
+    /// The files that it leaves in the folder of the run. Until they are complete
+    /// they are there under other names or, [kept](Sink::keep), with `.part` added.
+    fn files(&self) -> Vec<&'static str>;
+
+    /// Starts the output in a folder. Older files stay until it is finished.
+    ///
+    /// # Errors
+    ///
+    /// If it cannot be written.
+    fn begin(&self, folder: &Path, plan: &RunPlan<'_>) -> Result<Box<dyn Sink>, WriteError>;
+
+    /// Finds what a sink has written up to its [mark](Sink::mark). Nothing is
+    /// changed until the result is called: all outputs of a run must be found
+    /// first.
+    ///
+    /// # Errors
+    ///
+    /// If it is not there or is something else, or if the mark is none of this
+    /// output or of this scene.
+    fn resume(
+        &self,
+        folder: &Path,
+        plan: &RunPlan<'_>,
+        mark: &Mark,
+    ) -> Result<ResumeSink, ContinueError>;
+}
+
+/// Goes on with an output: removes what was written after the mark.
+pub type ResumeSink = Box<dyn FnOnce() -> Result<Box<dyn Sink>, WriteError>>;
+
+/// An output on its way.
+///
+/// It holds on to what it cannot write, and tries again at the next call.
+pub trait Sink: Send {
+    /// Whether to be called with the energies of each frame, after the frame.
+    fn wants_energies(&self) -> bool {
+        false
+    }
+
+    /// Called for every frame, in order.
+    ///
+    /// # Errors
+    ///
+    /// If it cannot be written.
+    fn frame(&mut self, _frame: &TrajectoryFrame<'_>) -> Result<(), WriteError> {
+        Ok(())
+    }
+
+    /// Called with the energies of a frame, if they are wanted.
+    ///
+    /// # Errors
+    ///
+    /// If they cannot be written.
+    fn energies(&mut self, _energies: &FrameEnergies) -> Result<(), WriteError> {
+        Ok(())
+    }
+
+    /// Number of bytes that could not be written so far.
+    fn n_unwritten(&self) -> usize {
+        0
+    }
+
+    /// Makes what is written outlive the program, however it ends. Returns the
+    /// names of the unfinished files that hold it, if it is not all in the mark.
+    ///
+    /// # Errors
+    ///
+    /// If that cannot be done; the sink goes on as before.
+    fn keep(&mut self) -> Result<Vec<String>, WriteError> {
+        Ok(Vec::new())
+    }
+
+    /// What [`SinkKind::resume`] needs to go on from here, as long as what is
+    /// written is kept or finished.
+    fn mark(&self) -> Mark;
+
+    /// Completes the files.
+    ///
+    /// # Errors
+    ///
+    /// If they cannot be written.
+    fn finish(self: Box<Self>, end: &RunEnd<'_>) -> Result<(), WriteError>;
+}
+
+/// What is known of a run before it begins.
+#[derive(Clone, Copy, Debug)]
+pub struct RunPlan<'a> {
+    /// As it is at the start.
+    pub scene: &'a Scene,
+    /// Equal time intervals between frames; there is one frame more, or a single
+    /// one if the duration is zero.
+    pub intervals: usize,
+}
+
+/// How a run ended.
+#[derive(Clone, Copy, Debug)]
+pub struct RunEnd<'a> {
+    /// As it is at the end.
+    pub scene: &'a Scene,
+    /// In s.
+    pub time: f64,
+}
+
+/// Positions (m) and velocities (m/s) of all nodes at one time (s).
+#[derive(Clone, Copy, Debug)]
+pub struct TrajectoryFrame<'a> {
+    /// Counted from 0.
+    pub index: usize,
+    /// In s.
+    pub time: f64,
+    /// x of each node.
+    pub positions: &'a [Vector3<f64>],
+    /// v of each node.
+    pub velocities: &'a [Vector3<f64>],
+}
+
+/// Energies at the time of a frame, in J.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FrameEnergies {
+    /// In s.
+    pub time: f64,
+    /// Energy then.
+    pub energy: EnergySum,
+    /// Work of moving anchors since the start.
+    pub anchor_work: f64,
+    /// Heat of dashpots since the start.
+    pub dashpot_heat: f64,
+    /// Gain of the method itself since the start, negative for a loss.
+    pub method_gain: f64,
+}
+
+/// How far an output is written, in words of its own; part of a checkpoint.
+///
+/// It is written and read by `serde_json` only.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Mark(Box<RawValue>);
+
+impl Mark {
+    /// The mark that says so.
+    ///
+    /// # Panics
+    ///
+    /// If JSON cannot say it, such as a map whose keys are no texts.
+    pub fn of(content: &impl Serialize) -> Self {
+        Self(serde_json::value::to_raw_value(content).expect("what JSON can say"))
+    }
+
+    /// What it says, of an output whose file is named `file`.
+    ///
+    /// # Errors
+    ///
+    /// If it says something else.
+    pub fn read<T: DeserializeOwned>(&self, file: &'static str) -> Result<T, ContinueError> {
+        let content = serde_json::from_str(self.0.get());
+        content.map_err(|source| ContinueError::Mark { file, source })
+    }
+}

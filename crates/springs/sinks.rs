@@ -1,0 +1,187 @@
+//! All outputs that a run can be asked for, and those that it writes.
+
+use crate::filmstrip::Filmstrip;
+use crate::report::energy_sum;
+use serde::{Deserialize, Serialize};
+use springs_io::{
+    ContinueError, ENERGIES, FrameEnergies, Mark, ResumeSink, RunEnd, RunPlan, Sink, SinkKind,
+    TRAJECTORY, TrajectoryFrame, WriteError,
+};
+use springs_step::{Account, Frame};
+use std::path::Path;
+
+/// A row for each output; they are written and named in this order.
+pub static SINKS: &[&dyn SinkKind] = &[&TRAJECTORY, &ENERGIES, &Filmstrip];
+
+/// The outputs of one run.
+pub struct Sinks {
+    sinks: Vec<(&'static dyn SinkKind, Box<dyn Sink>)>,
+    /// A frame was shown whose energies are still to come.
+    awaits_energies: bool,
+}
+
+/// How far the outputs of a run are written, to go on from.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Marks {
+    awaits_energies: bool,
+    /// By the names of the outputs.
+    sinks: Vec<(String, Mark)>,
+}
+
+impl Sinks {
+    /// Starts the outputs of these names; names of none are not heard.
+    ///
+    /// # Errors
+    ///
+    /// If one cannot be written.
+    pub fn begin(folder: &Path, names: &[String], plan: &RunPlan<'_>) -> Result<Self, WriteError> {
+        let asked = SINKS.iter().copied();
+        let asked = asked.filter(|kind| names.iter().any(|name| name == kind.name()));
+        let sinks = asked.map(|kind| Ok((kind, kind.begin(folder, plan)?)));
+        Ok(Self {
+            sinks: sinks.collect::<Result<_, WriteError>>()?,
+            awaits_energies: false,
+        })
+    }
+
+    /// Goes on with the outputs of a run that was stopped. If one of them cannot
+    /// be found as it was left, nothing is changed.
+    ///
+    /// # Errors
+    ///
+    /// If one is gone, is something else, or cannot be written.
+    pub fn resume(folder: &Path, plan: &RunPlan<'_>, marks: &Marks) -> Result<Self, ContinueError> {
+        let found = marks.find(folder, plan)?;
+        let sinks = found.into_iter().map(|(kind, go_on)| Ok((kind, go_on()?)));
+        Ok(Self {
+            sinks: sinks.collect::<Result<_, WriteError>>()?,
+            awaits_energies: marks.awaits_energies,
+        })
+    }
+
+    /// Whether nothing is to be written.
+    pub fn is_empty(&self) -> bool {
+        self.sinks.is_empty()
+    }
+
+    fn each(&mut self) -> impl Iterator<Item = &mut dyn Sink> {
+        self.sinks.iter_mut().map(|(_, sink)| &mut **sink as _)
+    }
+
+    /// Whether a frame was shown whose energies are still to be written.
+    pub fn awaits_energies(&self) -> bool {
+        self.awaits_energies
+    }
+
+    /// Shows a frame to all, also if one of them cannot write it.
+    ///
+    /// # Errors
+    ///
+    /// The first of theirs.
+    pub fn frame(&mut self, frame: Frame<'_>) -> Result<(), WriteError> {
+        let frame = TrajectoryFrame {
+            index: frame.index,
+            time: frame.time,
+            positions: &frame.nodes.positions,
+            velocities: &frame.nodes.velocities,
+        };
+        let awaits = self.each().any(|sink| sink.wants_energies());
+        self.awaits_energies = awaits;
+        let written = self.each().map(|sink| sink.frame(&frame));
+        written.fold(Ok(()), Result::and)
+    }
+
+    /// Shows the energies of the frame to those who want them.
+    ///
+    /// # Errors
+    ///
+    /// The first of theirs.
+    pub fn account(&mut self, account: &Account) -> Result<(), WriteError> {
+        let Account {
+            time,
+            energy,
+            ledger,
+        } = account;
+        let energies = FrameEnergies {
+            time: *time,
+            energy: energy_sum(energy),
+            anchor_work: ledger.anchor_work,
+            dashpot_heat: ledger.dashpot_heat,
+            method_gain: ledger.method_gain(energy),
+        };
+        self.awaits_energies = false;
+        let wanting = self.each().filter(|sink| sink.wants_energies());
+        let written = wanting.map(|sink| sink.energies(&energies));
+        written.fold(Ok(()), Result::and)
+    }
+
+    /// Number of bytes that could not be written so far.
+    pub fn n_unwritten(&self) -> usize {
+        self.sinks.iter().map(|(_, sink)| sink.n_unwritten()).sum()
+    }
+
+    /// Makes what is written outlive the program, as far as each of them can.
+    /// Returns the names of the unfinished files that hold it, and the first error.
+    pub fn keep(&mut self) -> (Vec<String>, Result<(), WriteError>) {
+        let (mut files, mut all) = (Vec::new(), Ok(()));
+        for sink in self.each() {
+            match sink.keep() {
+                Ok(kept) => files.extend(kept),
+                Err(error) => all = all.and(Err(error)),
+            }
+        }
+        (files, all)
+    }
+
+    /// How far they are written. To go on from there, what is written must be kept
+    /// or finished.
+    pub fn marks(&self) -> Marks {
+        let sinks = self.sinks.iter();
+        let mark =
+            |(kind, sink): &(&dyn SinkKind, Box<dyn Sink>)| (kind.name().to_owned(), sink.mark());
+        Marks {
+            awaits_energies: self.awaits_energies,
+            sinks: sinks.map(mark).collect(),
+        }
+    }
+
+    /// Completes them one by one, and returns the names of the files that are
+    /// complete. After an error the rest can still be kept.
+    ///
+    /// # Errors
+    ///
+    /// If one cannot be written.
+    pub fn finish(&mut self, end: &RunEnd<'_>) -> Result<Vec<&'static str>, WriteError> {
+        let mut files = Vec::new();
+        while !self.sinks.is_empty() {
+            let (kind, sink) = self.sinks.remove(0);
+            sink.finish(end)?;
+            files.extend(kind.files());
+        }
+        Ok(files)
+    }
+}
+
+impl Marks {
+    /// Whether a run could go on from here now.
+    ///
+    /// # Errors
+    ///
+    /// If an output is gone or is something else.
+    pub fn check(&self, folder: &Path, plan: &RunPlan<'_>) -> Result<(), ContinueError> {
+        self.find(folder, plan).map(|_| ())
+    }
+
+    fn find(
+        &self,
+        folder: &Path,
+        plan: &RunPlan<'_>,
+    ) -> Result<Vec<(&'static dyn SinkKind, ResumeSink)>, ContinueError> {
+        let found = self.sinks.iter().map(|(name, mark)| {
+            let kind = SINKS.iter().copied().find(|kind| kind.name() == name);
+            let kind = kind.ok_or_else(|| ContinueError::Unknown { name: name.clone() })?;
+            Ok((kind, kind.resume(folder, plan, mark)?))
+        });
+        found.collect()
+    }
+}
