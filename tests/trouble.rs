@@ -296,11 +296,17 @@ fn checkpoints_of_an_earlier_form_are_refused() {
 fn checkpoints_with_impossible_content_do_no_harm() {
     let desk = Desk::new();
     desk.scene("chain.ron", "chain 2 --duration 1e5");
-    let mut child = desk.start("run chain.ron --out d --write svg --frames 4 --quiet");
-    wait_until("the run is on its way", || desk.path("d").exists());
+    let options = "--write svg --frames 4 --checkpoint 1s --quiet";
+    let mut child = desk.start(&format!("run chain.ron --out d {options}"));
+    let path = desk.path("d/checkpoint.bin");
+    let mut first = None;
+    wait_until("steps are made", || {
+        let now = std::fs::read(&path).ok();
+        first = first.take().or_else(|| now.clone());
+        now != first
+    });
     signal(&child, "INT");
     assert_eq!(child.wait().unwrap().code(), Some(130));
-    let path = desk.path("d/checkpoint.bin");
     let Checkpoint { about, words } = read_checkpoint(&path).unwrap();
 
     let refused = |about: &str, words: &[u64]| {
