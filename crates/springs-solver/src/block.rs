@@ -1,5 +1,6 @@
-//! Small dense algebra: symmetric D × D blocks, packed row by row from the
-//! diagonal on into P = D(D + 1)/2 entries.
+//! Small dense algebra: D × D blocks of N numbers. Symmetric ones are packed row
+//! by row from the diagonal on, N = P = D(D + 1)/2; general ones stand row by
+//! row, N = D².
 
 use crate::Subspace;
 use std::ops::{Add, Mul};
@@ -15,16 +16,72 @@ pub(crate) const fn packed<const D: usize>(row: usize, column: usize) -> usize {
     row * D - row * (row + 1) / 2 + column
 }
 
-/// The rows of a packed block.
+/// Whether blocks of N numbers are symmetric.
 #[inline(always)]
-pub(crate) fn rows<T: Copy, const D: usize, const P: usize>(block: &[T; P]) -> [[T; D]; D] {
-    std::array::from_fn(|row| std::array::from_fn(|column| block[packed::<D>(row, column)]))
+pub(crate) const fn is_symmetric<const D: usize, const N: usize>() -> bool {
+    N != D * D || D == 1
+}
+
+/// Where the entry at (row, column) of a block of N numbers is.
+#[inline(always)]
+pub(crate) const fn place<const D: usize, const N: usize>(row: usize, column: usize) -> usize {
+    if is_symmetric::<D, N>() {
+        packed::<D>(row, column)
+    } else {
+        row * D + column
+    }
+}
+
+#[inline(always)]
+pub(crate) fn rows<T: Copy, const D: usize, const N: usize>(block: &[T; N]) -> [[T; D]; D] {
+    std::array::from_fn(|row| std::array::from_fn(|column| block[place::<D, N>(row, column)]))
+}
+
+#[inline(always)]
+pub(crate) fn columns<T: Copy, const D: usize, const N: usize>(block: &[T; N]) -> [[T; D]; D] {
+    std::array::from_fn(|column| std::array::from_fn(|row| block[place::<D, N>(row, column)]))
+}
+
+/// Bᵀ.
+#[inline(always)]
+pub(crate) fn transposed<const D: usize, const N: usize>(b: &[f64; N]) -> [f64; N] {
+    let mut transposed = *b;
+    for row in 0..D {
+        for column in 0..D {
+            transposed[place::<D, N>(row, column)] = b[place::<D, N>(column, row)];
+        }
+    }
+    transposed
+}
+
+/// B + Bᵀ, packed.
+#[inline(always)]
+pub(crate) fn with_transposed<const D: usize, const P: usize, const N: usize>(
+    b: &[f64; N],
+) -> [f64; P] {
+    let mut sum = [0.0; P];
+    for row in 0..D {
+        for column in row..D {
+            sum[packed::<D>(row, column)] =
+                b[place::<D, N>(row, column)] + b[place::<D, N>(column, row)];
+        }
+    }
+    sum
 }
 
 /// B x.
 #[inline(always)]
-pub(crate) fn times<const D: usize, const P: usize>(b: &[f64; P], x: &[f64; D]) -> [f64; D] {
-    rows::<f64, D, P>(b).map(|row| dot(&row, x))
+pub(crate) fn times<const D: usize, const N: usize>(b: &[f64; N], x: &[f64; D]) -> [f64; D] {
+    rows::<f64, D, N>(b).map(|row| dot(&row, x))
+}
+
+/// Bᵀ x.
+#[inline(always)]
+pub(crate) fn times_transposed<const D: usize, const N: usize>(
+    b: &[f64; N],
+    x: &[f64; D],
+) -> [f64; D] {
+    columns::<f64, D, N>(b).map(|column| dot(&column, x))
 }
 
 #[inline(always)]
@@ -209,6 +266,23 @@ mod tests {
             times::<D, P>(&invert::<D, P>(&b, Rounding::ByEntry).unwrap(), &x),
             &solution,
         );
+    }
+
+    #[test]
+    fn general_blocks_equal_dense_ones() {
+        let b = [4.0, 1.0, -0.5, 3.0, 0.25, 2.0, -7.0, 8.0, 9.0];
+        let x = [1.0, -2.0, 0.5];
+        let dense = DMatrix::from_row_slice(3, 3, &b);
+        let vector = DVector::from_column_slice(&x);
+        let product = |b: &DMatrix<f64>| <[f64; 3]>::try_from((b * &vector).as_slice()).unwrap();
+        assert_eq!(times(&b, &x), product(&dense));
+        assert_eq!(times_transposed(&b, &x), product(&dense.transpose()));
+        assert_eq!(
+            times(&transposed::<3, 9>(&b), &x),
+            product(&dense.transpose())
+        );
+        let sum = with_transposed::<3, 6, 9>(&b);
+        assert_eq!(times(&sum, &x), product(&(&dense + dense.transpose())));
     }
 
     #[test]

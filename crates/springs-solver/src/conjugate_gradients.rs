@@ -5,9 +5,9 @@ use crate::block::dot;
 use crate::rows::Rows;
 
 /// What stands for the inverse of a matrix: symmetric, positive definite.
-pub(crate) trait Preconditioner<const D: usize, const P: usize> {
+pub(crate) trait Preconditioner<const D: usize, const P: usize, const Q: usize> {
     /// `z` from the residual `r`.
-    fn apply(&mut self, matrix: &Rows<P>, r: &[[f64; D]], z: &mut [[f64; D]]);
+    fn apply(&mut self, matrix: &Rows<P, Q>, r: &[[f64; D]], z: &mut [[f64; D]]);
 }
 
 /// How a solution ended.
@@ -68,10 +68,10 @@ impl<const D: usize> ConjugateGradients<D> {
     /// Solves A x = b for b in `residual`, to the accuracy asked for; in
     /// `residual` is then that of x, but for the last correction, which the
     /// preconditioner gives.
-    pub(crate) fn solve<const P: usize>(
+    pub(crate) fn solve<const P: usize, const Q: usize>(
         &mut self,
-        matrix: &Rows<P>,
-        preconditioner: &mut dyn Preconditioner<D, P>,
+        matrix: &Rows<P, Q>,
+        preconditioner: &mut dyn Preconditioner<D, P, Q>,
         Until {
             accuracy,
             most_iterations,
@@ -122,9 +122,9 @@ impl<const D: usize> ConjugateGradients<D> {
     }
 
     /// The residual of x = (last x) + (last correction), from that before.
-    pub(crate) fn residual_after_correction<const P: usize>(
+    pub(crate) fn residual_after_correction<const P: usize, const Q: usize>(
         &mut self,
-        matrix: &Rows<P>,
+        matrix: &Rows<P, Q>,
     ) -> &[[f64; D]] {
         matrix.multiply(&self.preconditioned, &mut self.product);
         add_multiple(&mut self.residual, &self.product, -1.0);

@@ -7,11 +7,13 @@ use crate::route::Chooser;
 use crate::rows::Rows;
 use crate::{Counts, Experience, Interrupt, Options, Price, Route, SolveError};
 
-/// A solver of A x = b with symmetric D × D blocks of P packed entries.
-pub(crate) struct Core<const D: usize, const P: usize> {
-    direct: Direct<D, P>,
+/// A solver of A x = b with D × D blocks: P numbers a diagonal block, packed, and
+/// Q an off-diagonal one. Of a pair (a, b) that is the block of the upper
+/// triangle, at row min(a, b) and column max(a, b).
+pub(crate) struct Core<const D: usize, const P: usize, const Q: usize> {
+    direct: Direct<D, P, Q>,
     /// Allocated where conjugate gradients may be wanted.
-    iterative: Option<Iterative<D, P>>,
+    iterative: Option<Iterative<D, P, Q>>,
     /// How the present matrix is solved.
     now: Route,
     /// Whether the last matrix was taken and not found wanting since.
@@ -21,12 +23,12 @@ pub(crate) struct Core<const D: usize, const P: usize> {
 }
 
 /// What conjugate gradients take.
-struct Iterative<const D: usize, const P: usize> {
-    matrix: Rows<P>,
+struct Iterative<const D: usize, const P: usize, const Q: usize> {
+    matrix: Rows<P, Q>,
     gradients: ConjugateGradients<D>,
     solution: Vec<[f64; D]>,
     /// Not needed where the factor in single precision is the preconditioner.
-    multilevel: Option<Multilevel<D, P>>,
+    multilevel: Option<Multilevel<D, P, Q>>,
 }
 
 /// Relative accuracy of a solution with a factor in single precision; another
@@ -36,14 +38,14 @@ const MIXED_ACCURACY: f64 = 1e-11;
 /// one in single precision.
 const MOST_MIXED_ITERATIONS: usize = 24;
 
-impl<const D: usize, const P: usize> Core<D, P> {
+impl<const D: usize, const P: usize, const Q: usize> Core<D, P, Q> {
     /// See [`crate::Solver::analyze`], like the others of these names.
     pub(crate) fn analyze(
         n_blocks: usize,
         pairs: &[[u32; 2]],
         options: Options<'_>,
     ) -> Result<Self, SolveError> {
-        let direct = Direct::<D, P>::new(n_blocks, pairs, options)?;
+        let direct = Direct::<D, P, Q>::new(n_blocks, pairs, options)?;
         let chooser = Chooser::new(n_blocks, pairs.len(), &direct, options.route);
         let iterative = match chooser.may_iterate() || chooser.may_mix() {
             true => Some(Iterative::new(n_blocks, pairs, &chooser, options)?),
@@ -64,7 +66,7 @@ impl<const D: usize, const P: usize> Core<D, P> {
         pairs: &[[u32; 2]],
         options: Options<'_>,
     ) -> Result<Price, SolveError> {
-        let direct = Direct::<D, P>::new(n_blocks, pairs, options)?;
+        let direct = Direct::<D, P, Q>::new(n_blocks, pairs, options)?;
         let chooser = Chooser::new(n_blocks, pairs.len(), &direct, options.route);
         Ok(chooser.price())
     }
@@ -78,7 +80,7 @@ impl<const D: usize, const P: usize> Core<D, P> {
         let iterative = solver
             .iterative
             .as_ref()
-            .map_or(Some(0), Iterative::<D, P>::memory);
+            .map_or(Some(0), Iterative::<D, P, Q>::memory);
         let factor = match solver.chooser.first() {
             Route::Iterative => Some(0),
             Route::Mixed => solver.direct.single_memory(),
@@ -114,7 +116,7 @@ impl<const D: usize, const P: usize> Core<D, P> {
     pub(crate) fn set_matrix(
         &mut self,
         diagonal: &[[f64; P]],
-        off_diagonal: &[[f64; P]],
+        off_diagonal: &[[f64; Q]],
     ) -> Result<(), SolveError> {
         self.has_matrix = false;
         if self.is_interrupted() {
@@ -130,7 +132,7 @@ impl<const D: usize, const P: usize> Core<D, P> {
     fn take_matrix(
         &mut self,
         diagonal: &[[f64; P]],
-        off_diagonal: &[[f64; P]],
+        off_diagonal: &[[f64; Q]],
     ) -> Result<(), SolveError> {
         self.now = self.chooser.next();
         let Some(iterative) = self
@@ -270,7 +272,7 @@ impl<const D: usize, const P: usize> Core<D, P> {
     }
 }
 
-impl<const D: usize, const P: usize> Iterative<D, P> {
+impl<const D: usize, const P: usize, const Q: usize> Iterative<D, P, Q> {
     fn new(
         n_blocks: usize,
         pairs: &[[u32; 2]],
@@ -292,8 +294,8 @@ impl<const D: usize, const P: usize> Iterative<D, P> {
     fn memory(&self) -> Option<u64> {
         let n_blocks = self.solution.len();
         let multilevel = self.multilevel.as_ref();
-        let rows = Rows::<P>::memory(n_blocks, self.matrix.n_pairs());
+        let rows = Rows::<P, Q>::memory(n_blocks, self.matrix.n_pairs());
         let vectors = ConjugateGradients::<D>::memory(n_blocks) + (8 * D * n_blocks) as u64;
-        Some(rows + vectors + multilevel.map_or(Some(0), Multilevel::<D, P>::memory)?)
+        Some(rows + vectors + multilevel.map_or(Some(0), Multilevel::<D, P, Q>::memory)?)
     }
 }

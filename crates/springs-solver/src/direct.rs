@@ -4,7 +4,7 @@ use crate::block::Rounding;
 use crate::dissection::nested_dissection;
 use crate::fronts::{Elimination, Fronts};
 use crate::graph::minimum_degree;
-use crate::multifrontal::{Multifrontal, NoFactor, filled};
+use crate::multifrontal::{Multifrontal, NoFactor, Values, filled};
 use crate::rows::Rows;
 use crate::single::{Single, Substitution};
 use crate::tree::Tree;
@@ -12,7 +12,7 @@ use crate::{FactorSize, Interrupt, Options, SolveError};
 
 /// The symbolic factorization P A Pᵀ = L Lᵀ of a pattern, and the factors made
 /// with it; each is allocated when it is first needed.
-pub(crate) struct Direct<const D: usize, const P: usize> {
+pub(crate) struct Direct<const D: usize, const P: usize, const Q: usize> {
     /// Block of the caller at each position of the elimination order.
     order: Vec<usize>,
     n_pairs: usize,
@@ -22,20 +22,21 @@ pub(crate) struct Direct<const D: usize, const P: usize> {
     size: FactorSize,
     /// In place of all others where there is no fill.
     tree: Option<Tree<D, P>>,
-    double: Option<Double<D, P>>,
-    single: Option<Single<D, P>>,
+    double: Option<Double<D>>,
+    single: Option<Single<D, P, Q>>,
+    /// By pair, of a matrix that came by rows; allocated with the first one.
+    off_diagonal: Vec<[f64; Q]>,
     /// Heard by factorizations.
     pub(crate) interrupt: Interrupt,
 }
 
 /// A factor in double precision.
-struct Double<const D: usize, const P: usize> {
-    factor: Multifrontal<f64, D, P>,
-    blocks: Vec<[f64; P]>,
+struct Double<const D: usize> {
+    factor: Multifrontal<f64, D>,
     permuted: Vec<f64>,
 }
 
-impl<const D: usize, const P: usize> Direct<D, P> {
+impl<const D: usize, const P: usize, const Q: usize> Direct<D, P, Q> {
     /// Orders and factorizes symbolically.
     pub(crate) fn new(
         n_blocks: usize,
@@ -54,6 +55,7 @@ impl<const D: usize, const P: usize> Direct<D, P> {
             order: elimination.order,
             double: None,
             single: None,
+            off_diagonal: Vec::new(),
             interrupt: Interrupt::default(),
         })
     }
@@ -78,15 +80,14 @@ impl<const D: usize, const P: usize> Direct<D, P> {
         if let Some(tree) = &self.tree {
             return Some(tree.memory());
         }
-        let factor = Multifrontal::<f64, D, P>::memory(&self.fronts, self.threads)?;
-        let blocks = P * (self.n_blocks() + self.n_pairs);
-        Some(factor + 8 * (blocks + D * self.n_blocks()) as u64)
+        let factor = Multifrontal::<f64, D>::memory(&self.fronts, self.threads)?;
+        Some(factor + (8 * D * self.n_blocks()) as u64)
     }
 
     /// The same in single precision.
     pub(crate) fn single_memory(&self) -> Option<u64> {
-        let factor = Multifrontal::<f32, D, P>::memory(&self.fronts, self.threads)?;
-        Some(factor + Single::<D, P>::memory(self.n_blocks(), self.n_pairs))
+        let factor = Multifrontal::<f32, D>::memory(&self.fronts, self.threads)?;
+        Some(factor + Single::<D, P, Q>::memory(self.n_blocks(), self.n_pairs))
     }
 
     fn n_blocks(&self) -> usize {
@@ -112,57 +113,54 @@ impl<const D: usize, const P: usize> Direct<D, P> {
     pub(crate) fn factorize(
         &mut self,
         diagonal: &[[f64; P]],
-        off_diagonal: &[[f64; P]],
+        off_diagonal: &[[f64; Q]],
     ) -> Result<(), SolveError> {
         if let Some(tree) = &mut self.tree {
             let done = tree.factorize(diagonal, off_diagonal, self.rounding);
             return done.map_err(|why| self.no_factor(why));
         }
-        let n_blocks = self.n_blocks();
-        let double = self.allocate_double()?;
-        double.blocks[..n_blocks].copy_from_slice(diagonal);
-        double.blocks[n_blocks..].copy_from_slice(off_diagonal);
-        self.factorize_blocks()
-    }
-
-    /// The same with a matrix by rows.
-    pub(crate) fn factorize_rows(&mut self, matrix: &Rows<P>) -> Result<(), SolveError> {
-        let n_blocks = self.n_blocks();
-        let double = self.allocate_double()?;
-        let (diagonals, pair_blocks) = double.blocks.split_at_mut(n_blocks);
-        diagonals.copy_from_slice(matrix.diagonal());
-        for (_, _, pair, values) in matrix.pairs() {
-            pair_blocks[pair] = *values;
-        }
-        self.factorize_blocks()
-    }
-
-    fn factorize_blocks(&mut self) -> Result<(), SolveError> {
+        let values = Values {
+            diagonal,
+            off_diagonal,
+            rounding: self.rounding,
+        };
+        self.allocate_double()?;
         let double = self.double.as_mut().expect("allocated");
-        let done =
-            double
-                .factor
-                .factorize(&self.fronts, &double.blocks, self.rounding, &self.interrupt);
+        let done = double
+            .factor
+            .factorize(&self.fronts, values, &self.interrupt);
         done.map_err(|why| self.no_factor(why))
     }
 
-    fn allocate_double(&mut self) -> Result<&mut Double<D, P>, SolveError> {
+    /// The same with a matrix by rows.
+    pub(crate) fn factorize_rows(&mut self, matrix: &Rows<P, Q>) -> Result<(), SolveError> {
+        let mut off_diagonal = std::mem::take(&mut self.off_diagonal);
+        if off_diagonal.is_empty() {
+            off_diagonal = filled([0.0; Q], self.n_pairs).ok_or(self.too_large())?;
+        }
+        for (_, _, pair, values) in matrix.pairs() {
+            off_diagonal[pair] = *values;
+        }
+        let done = self.factorize(matrix.diagonal(), &off_diagonal);
+        self.off_diagonal = off_diagonal;
+        done
+    }
+
+    fn allocate_double(&mut self) -> Result<(), SolveError> {
         if self.double.is_none() {
-            let n_blocks = self.n_blocks();
             let allocate = || {
                 Some(Double {
                     factor: Multifrontal::new(&self.fronts, self.threads)?,
-                    blocks: filled([0.0; P], n_blocks + self.n_pairs)?,
-                    permuted: filled(0.0, D * n_blocks)?,
+                    permuted: filled(0.0, D * self.n_blocks())?,
                 })
             };
             self.double = Some(allocate().ok_or(self.too_large())?);
         }
-        Ok(self.double.as_mut().expect("allocated"))
+        Ok(())
     }
 
     /// Factorizes in single precision.
-    pub(crate) fn factorize_single(&mut self, matrix: &Rows<P>) -> Result<(), SolveError> {
+    pub(crate) fn factorize_single(&mut self, matrix: &Rows<P, Q>) -> Result<(), SolveError> {
         if self.single.is_none() {
             let n_blocks = self.n_blocks();
             let single = Single::new(&self.fronts, n_blocks, self.n_pairs, self.threads);
@@ -174,7 +172,7 @@ impl<const D: usize, const P: usize> Direct<D, P> {
     }
 
     /// The factor in single precision; there must have been one.
-    pub(crate) fn single(&mut self) -> Substitution<'_, D, P> {
+    pub(crate) fn single(&mut self) -> Substitution<'_, D, P, Q> {
         Substitution {
             single: self.single.as_mut().expect("a factor"),
             fronts: &self.fronts,

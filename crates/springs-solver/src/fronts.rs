@@ -21,16 +21,17 @@ pub(crate) struct Fronts {
     relative: Vec<u32>,
     child_starts: Vec<usize>,
     children: Vec<u32>,
+    /// Block of the caller at each column.
+    blocks: Vec<u32>,
     entry_starts: Vec<usize>,
     entries: Vec<Entry>,
 }
 
-/// A block of the matrix within a front.
+/// A block of the strictly upper triangle of the caller's matrix within a front.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Entry {
-    /// Diagonal block, or number of blocks + pair, of the caller.
-    pub(crate) source: u32,
-    /// Row and column in the front.
+    pub(crate) pair: u32,
+    /// Row and column in the front, where it may be above or below the diagonal.
     pub(crate) row: u32,
     pub(crate) column: u32,
 }
@@ -191,6 +192,11 @@ impl Fronts {
             relative: Vec::new(),
             child_starts,
             children,
+            blocks: elimination
+                .order
+                .iter()
+                .map(|&block| block as u32)
+                .collect(),
             entry_starts: vec![0],
             entries: Vec::new(),
         };
@@ -222,7 +228,7 @@ impl Fronts {
         let of_fronts = 4 * (self.first.len() + self.parents.len() + self.children.len())
             + size_of::<usize>()
                 * (self.row_starts.len() + self.child_starts.len() + self.entry_starts.len());
-        let of_rows = 4 * (self.rows.len() + self.relative.len());
+        let of_rows = 4 * (self.rows.len() + self.relative.len() + self.blocks.len());
         (of_fronts + of_rows + size_of::<Entry>() * self.entries.len()) as u64
     }
 
@@ -239,6 +245,12 @@ impl Fronts {
         &self.children[self.child_starts[front]..self.child_starts[front + 1]]
     }
 
+    /// Blocks of the caller at its columns.
+    pub(crate) fn blocks(&self, front: usize) -> &[u32] {
+        &self.blocks[self.first[front] as usize..self.first[front + 1] as usize]
+    }
+
+    /// What the matrix has in a front below its diagonal.
     pub(crate) fn entries(&self, front: usize) -> &[Entry] {
         &self.entries[self.entry_starts[front]..self.entry_starts[front + 1]]
     }
@@ -313,25 +325,23 @@ impl Fronts {
     }
 
     fn fill_entries(&mut self, elimination: &Elimination, front_of: &[u32]) {
-        let graph = &elimination.graph;
-        let n = graph.n_blocks();
+        let (graph, order) = (&elimination.graph, &elimination.order);
         let mut entries: Vec<Vec<Entry>> = vec![Vec::new(); self.len()];
-        for column in 0..n {
-            let front = front_of[column] as usize;
-            let local = column as u32 - self.first[front];
-            entries[front].push(Entry {
-                source: elimination.order[column] as u32,
-                row: local,
-                column: local,
-            });
-            // The lower triangle: row and column change places.
-            for index in graph.column(column) {
-                let (row, column) = (column as u32, graph.rows[index]);
-                let front = front_of[column] as usize;
+        for later in 0..graph.n_blocks() {
+            for index in graph.column(later) {
+                let earlier = graph.rows[index];
+                let front = front_of[earlier] as usize;
+                let below = self.position(front, later as u32);
+                let column = earlier as u32 - self.first[front];
+                let (row, column) = if order[later] < order[earlier] {
+                    (below, column)
+                } else {
+                    (column, below)
+                };
                 entries[front].push(Entry {
-                    source: (n + graph.pairs[index]) as u32,
-                    row: self.position(front, row),
-                    column: column as u32 - self.first[front],
+                    pair: graph.pairs[index] as u32,
+                    row,
+                    column,
                 });
             }
         }
@@ -429,6 +439,7 @@ mod tests {
         assert_eq!(fronts.len(), 1);
         assert_eq!(fronts.n_columns(0), 5);
         assert!(fronts.rows(0).is_empty());
-        assert_eq!(fronts.entries(0).len(), 15);
+        assert_eq!(fronts.blocks(0).len(), 5);
+        assert_eq!(fronts.entries(0).len(), 10);
     }
 }

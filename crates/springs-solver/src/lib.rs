@@ -13,9 +13,9 @@
 //! faer's dense kernels in wide fronts; independent subtrees run on several
 //! threads, with the same bits for any number of them.
 //!
-//! Matrices are given as one symmetric block per block row and one per coupled
-//! pair, each packed as (xx, xy, xz, yy, yz, zz); off-diagonal blocks are
-//! symmetric themselves. Where motion is known to stay in a [plane or on a
+//! Matrices are given as one symmetric block per block row, packed as
+//! (xx, xy, xz, yy, yz, zz), and one block per coupled pair: six numbers likewise
+//! where all of these are symmetric themselves, or [nine](OffDiagonal). Where motion is known to stay in a [plane or on a
 //! line](Subspace), or blocks are multiples of the identity, only that part is
 //! solved.
 
@@ -29,18 +29,22 @@ mod graph;
 mod interrupt;
 mod multifrontal;
 mod multilevel;
+mod packing;
 mod registers;
 mod route;
 mod rows;
 mod sharing;
 mod single;
 mod solver;
+mod subspace;
 mod substitution;
 mod tree;
 
 pub use interrupt::Interrupt;
+pub use packing::{OffDiagonal, Packing};
 pub use route::{Price, Route};
-pub use solver::{Solver, Subspace};
+pub use solver::Solver;
+pub use subspace::Subspace;
 
 /// How systems are to be solved.
 #[derive(Clone, Copy, Debug)]
@@ -56,16 +60,19 @@ pub struct Options<'a> {
     pub route: Route,
     /// Where solutions are known to lie.
     pub subspace: Subspace,
+    /// What the off-diagonal blocks are like.
+    pub packing: Packing,
 }
 
 impl Default for Options<'_> {
-    /// One thread, double precision.
+    /// One thread, double precision, symmetric off-diagonal blocks.
     fn default() -> Self {
         Self {
             positions: None,
             threads: 1,
             route: Route::Double,
             subspace: Subspace::Space,
+            packing: Packing::Symmetric,
         }
     }
 }

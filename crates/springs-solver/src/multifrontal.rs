@@ -1,8 +1,8 @@
 //! Numeric factorization and solution on fronts.
 
 use crate::Interrupt;
-use crate::block::{PIVOT_ROUNDING, Rounding, dot, rows};
-use crate::fronts::{Entry, Fronts};
+use crate::block::{PIVOT_ROUNDING, Rounding, columns, dot, is_symmetric, rows};
+use crate::fronts::Fronts;
 use crate::registers::with_clean_registers;
 use crate::sharing::{in_turns, largest_first, work_off};
 use crate::substitution::Substitution;
@@ -67,13 +67,23 @@ impl Real for f64 {
 }
 
 /// A factorization with the fronts of one pattern.
-pub(crate) struct Multifrontal<T, const D: usize, const P: usize> {
+pub(crate) struct Multifrontal<T, const D: usize> {
     pub(crate) layout: Layout,
     pub(crate) factor: Vec<T>,
     stacks: Vec<Vec<T>>,
     /// Per thread.
     desks: Vec<Desk<T>>,
     pub(crate) substitution: Substitution<T, D>,
+}
+
+/// A matrix to be factorized: the blocks of the diagonal and of the strictly
+/// upper triangle, as the caller has them.
+#[derive(Clone, Copy)]
+pub(crate) struct Values<'a, T, const P: usize, const Q: usize> {
+    pub(crate) diagonal: &'a [[T; P]],
+    pub(crate) off_diagonal: &'a [[T; Q]],
+    /// Of the diagonal.
+    pub(crate) rounding: Rounding,
 }
 
 /// What a thread works with.
@@ -202,7 +212,7 @@ impl Layout {
     }
 }
 
-impl<T: Real, const D: usize, const P: usize> Multifrontal<T, D, P> {
+impl<T: Real, const D: usize> Multifrontal<T, D> {
     /// Of the factor and all workspace, in bytes; `None` if it cannot be counted.
     pub(crate) fn memory(fronts: &Fronts, threads: usize) -> Option<u64> {
         let layout = Layout::new(fronts, D)?;
@@ -239,15 +249,12 @@ impl<T: Real, const D: usize, const P: usize> Multifrontal<T, D, P> {
         })
     }
 
-    /// Factorizes the matrix with the given packed blocks, by source.
-    ///
     /// The same bits for any number of threads: fronts do not depend on who
     /// computes them.
-    pub(crate) fn factorize(
+    pub(crate) fn factorize<const P: usize, const Q: usize>(
         &mut self,
         fronts: &Fronts,
-        blocks: &[[T; P]],
-        rounding: Rounding,
+        values: Values<'_, T, P, Q>,
         interrupt: &Interrupt,
     ) -> Result<(), NoFactor> {
         let layout = &self.layout;
@@ -257,10 +264,9 @@ impl<T: Real, const D: usize, const P: usize> Multifrontal<T, D, P> {
         };
         let (stacks, top_stack) = self.stacks.split_at_mut(layout.tasks.len());
         let panel_starts = &layout.panel_starts;
-        let within = Within::<T, D, P> {
+        let within = Within::<T, D, P, Q> {
             fronts,
-            blocks,
-            rounding,
+            values,
             layout,
             interrupt,
         };
@@ -440,15 +446,14 @@ fn split(fronts: &Fronts) -> (Vec<Range<usize>>, Vec<usize>) {
 }
 
 /// What all tasks share.
-struct Within<'a, T, const D: usize, const P: usize> {
+struct Within<'a, T, const D: usize, const P: usize, const Q: usize> {
     fronts: &'a Fronts,
-    blocks: &'a [[T; P]],
-    rounding: Rounding,
+    values: Values<'a, T, P, Q>,
     layout: &'a Layout,
     interrupt: &'a Interrupt,
 }
 
-impl<T: Real, const D: usize, const P: usize> Within<'_, T, D, P> {
+impl<T: Real, const D: usize, const P: usize, const Q: usize> Within<'_, T, D, P, Q> {
     /// Eliminates fronts one after the other: those of a task, or those above all
     /// tasks. `panels` begin with that of the first front or of all, and
     /// `finished` has the updates of children that are not among them.
@@ -581,10 +586,9 @@ impl<T: Real, const D: usize, const P: usize> Within<'_, T, D, P> {
     fn set_errors(&self, front: usize, errors: &mut [T]) {
         let epsilon = T::of(PIVOT_ROUNDING) * T::EPSILON;
         let (errors, _) = errors.as_chunks_mut::<D>();
-        let on_diagonal = |entry: &&Entry| entry.row == entry.column;
-        for entry in self.fronts.entries(front).iter().filter(on_diagonal) {
-            let block = &self.blocks[entry.source as usize];
-            errors[entry.row as usize] = self.rounding.diagonal_errors(block, epsilon);
+        for (errors, &block) in errors.iter_mut().zip(self.fronts.blocks(front)) {
+            let block = &self.values.diagonal[block as usize];
+            *errors = self.values.rounding.diagonal_errors(block, epsilon);
         }
     }
 
@@ -594,11 +598,26 @@ impl<T: Real, const D: usize, const P: usize> Within<'_, T, D, P> {
         let height = panel.len() / (D * self.fronts.n_columns(front));
         panel.fill(T::default());
         update.fill(T::default());
-        for entry in self.fronts.entries(front) {
-            let columns = rows::<T, D, P>(&self.blocks[entry.source as usize]);
+        let mut put = |row: usize, column: usize, columns: [[T; D]; D]| {
             for (k, values) in columns.iter().enumerate() {
-                let start = (D * entry.column as usize + k) * height + D * entry.row as usize;
+                let start = (D * column + k) * height + D * row;
                 panel[start..start + D].copy_from_slice(values);
+            }
+        };
+        for (column, &block) in self.fronts.blocks(front).iter().enumerate() {
+            let block = &self.values.diagonal[block as usize];
+            put(column, column, rows::<T, D, P>(block));
+        }
+        for entry in self.fronts.entries(front) {
+            let block = &self.values.off_diagonal[entry.pair as usize];
+            let (row, column) = (entry.row as usize, entry.column as usize);
+            if is_symmetric::<D, Q>() {
+                put(row.max(column), row.min(column), rows::<T, D, Q>(block));
+            } else if row > column {
+                put(row, column, columns::<T, D, Q>(block));
+            } else {
+                // Of the transpose below the diagonal.
+                put(column, row, rows::<T, D, Q>(block));
             }
         }
     }

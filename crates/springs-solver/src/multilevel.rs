@@ -1,7 +1,7 @@
 //! A preconditioner whose conjugate gradients take nearly the same number of
 //! iterations for any size.
 
-use crate::block::{Rounding, add};
+use crate::block::{Rounding, add, is_symmetric, transposed, with_transposed};
 use crate::conjugate_gradients::Preconditioner;
 use crate::direct::Direct;
 use crate::rows::Rows;
@@ -14,7 +14,7 @@ use crate::{Options, Price, SolveError};
 /// Computing 56, 1996, but not smoothed). A constant on an aggregate has as many
 /// components as a block, so the coarse matrix is one of such blocks again; it
 /// is factorized, or, where that would be much work, has a coarser one itself.
-pub(crate) struct Multilevel<const D: usize, const P: usize> {
+pub(crate) struct Multilevel<const D: usize, const P: usize, const Q: usize> {
     inverses: Vec<[f64; P]>,
     rounding: Rounding,
     /// Aggregate of each block.
@@ -22,21 +22,21 @@ pub(crate) struct Multilevel<const D: usize, const P: usize> {
     /// Coarse pair of each pair of the caller; `INSIDE` of an aggregate there
     /// is none.
     coarse_pairs: Vec<u32>,
-    coarse: Coarse<D, P>,
+    coarse: Coarse<D, P, Q>,
     coarse_diagonal: Vec<[f64; P]>,
-    coarse_off_diagonal: Vec<[f64; P]>,
+    coarse_off_diagonal: Vec<[f64; Q]>,
     coarse_vector: Vec<[f64; D]>,
     swept: Vec<[f64; D]>,
     rest: Vec<[f64; D]>,
 }
 
 /// What solves for the correction.
-enum Coarse<const D: usize, const P: usize> {
-    Direct(Box<Direct<D, P>>),
+enum Coarse<const D: usize, const P: usize, const Q: usize> {
+    Direct(Box<Direct<D, P, Q>>),
     /// One application of the next coarser preconditioner.
     Level {
-        matrix: Rows<P>,
-        preconditioner: Box<Multilevel<D, P>>,
+        matrix: Rows<P, Q>,
+        preconditioner: Box<Multilevel<D, P, Q>>,
         solution: Vec<[f64; D]>,
     },
 }
@@ -49,7 +49,7 @@ const NONE: u32 = u32::MAX;
 /// has a coarser one.
 const DEAREST_COARSE: f64 = 20.0;
 
-impl<const D: usize, const P: usize> Multilevel<D, P> {
+impl<const D: usize, const P: usize, const Q: usize> Multilevel<D, P, Q> {
     pub(crate) fn new(
         n_blocks: usize,
         pairs: &[[u32; 2]],
@@ -86,7 +86,7 @@ impl<const D: usize, const P: usize> Multilevel<D, P> {
             ..options
         };
         let direct = Direct::new(n_coarse, &distinct, options)?;
-        let dearest = dearest_coarse * Price::of_iteration::<P>(n_blocks, pairs.len());
+        let dearest = dearest_coarse * Price::of_iteration::<P, Q>(n_blocks, pairs.len());
         let size = direct.size();
         let is_cheap = Price::with_factor(size.entries, size.flops).matrix <= dearest;
         let coarse = match is_cheap || n_coarse == n_blocks {
@@ -107,7 +107,7 @@ impl<const D: usize, const P: usize> Multilevel<D, P> {
             coarse_pairs,
             coarse,
             coarse_diagonal: vec![[0.0; P]; n_coarse],
-            coarse_off_diagonal: vec![[0.0; P]; distinct.len()],
+            coarse_off_diagonal: vec![[0.0; Q]; distinct.len()],
             coarse_vector: vec![[0.0; D]; n_coarse],
             swept: vec![[0.0; D]; n_blocks],
             rest: vec![[0.0; D]; n_blocks],
@@ -118,11 +118,11 @@ impl<const D: usize, const P: usize> Multilevel<D, P> {
     pub(crate) fn memory(&self) -> Option<u64> {
         let (n_blocks, n_coarse) = (self.inverses.len(), self.coarse_diagonal.len());
         let own = (8 * P + 16 * D + 4) * n_blocks + 4 * self.coarse_pairs.len();
-        let coarse_values = 8 * (P + D) * n_coarse + 8 * P * self.coarse_off_diagonal.len();
+        let coarse_values = 8 * (P + D) * n_coarse + 8 * Q * self.coarse_off_diagonal.len();
         let coarse = match &self.coarse {
             Coarse::Direct(direct) => direct.symbolic_memory() + direct.double_memory()?,
             Coarse::Level { preconditioner, .. } => {
-                Rows::<P>::memory(n_coarse, self.coarse_off_diagonal.len())
+                Rows::<P, Q>::memory(n_coarse, self.coarse_off_diagonal.len())
                     + (8 * D * n_coarse) as u64
                     + preconditioner.memory()?
             }
@@ -136,24 +136,30 @@ impl<const D: usize, const P: usize> Multilevel<D, P> {
     ///
     /// If that of a block or the coarse matrix, and so the matrix, is not
     /// positive definite.
-    pub(crate) fn set(&mut self, matrix: &Rows<P>) -> Result<(), SolveError> {
+    pub(crate) fn set(&mut self, matrix: &Rows<P, Q>) -> Result<(), SolveError> {
         matrix.invert_diagonal::<D>(&mut self.inverses, self.rounding)?;
         self.coarse_diagonal.fill([0.0; P]);
-        self.coarse_off_diagonal.fill([0.0; P]);
+        self.coarse_off_diagonal.fill([0.0; Q]);
         for (block, &aggregate) in matrix.diagonal().iter().zip(&self.aggregates) {
             add(&mut self.coarse_diagonal[aggregate as usize], *block);
         }
-        for (row, _, pair, values) in matrix.pairs() {
+        for (row, column, pair, values) in matrix.pairs() {
+            let [above, beside] = [row, column].map(|block| self.aggregates[block]);
             match self.coarse_pairs[pair] {
                 // It stands above and below the diagonal.
-                INSIDE => {
-                    let twice = values.map(|value| 2.0 * value);
-                    add(
-                        &mut self.coarse_diagonal[self.aggregates[row] as usize],
-                        twice,
-                    );
+                INSIDE => add(
+                    &mut self.coarse_diagonal[above as usize],
+                    with_transposed::<D, P, Q>(values),
+                ),
+                coarse => {
+                    let is_upper = is_symmetric::<D, Q>() || above < beside;
+                    let values = if is_upper {
+                        *values
+                    } else {
+                        transposed::<D, Q>(values)
+                    };
+                    add(&mut self.coarse_off_diagonal[coarse as usize], values);
                 }
-                coarse => add(&mut self.coarse_off_diagonal[coarse as usize], *values),
             }
         }
         let (diagonal, off_diagonal) = (&self.coarse_diagonal, &self.coarse_off_diagonal);
@@ -207,8 +213,10 @@ impl<const D: usize, const P: usize> Multilevel<D, P> {
     }
 }
 
-impl<const D: usize, const P: usize> Preconditioner<D, P> for Multilevel<D, P> {
-    fn apply(&mut self, matrix: &Rows<P>, r: &[[f64; D]], z: &mut [[f64; D]]) {
+impl<const D: usize, const P: usize, const Q: usize> Preconditioner<D, P, Q>
+    for Multilevel<D, P, Q>
+{
+    fn apply(&mut self, matrix: &Rows<P, Q>, r: &[[f64; D]], z: &mut [[f64; D]]) {
         let (mut swept, mut rest) = (
             std::mem::take(&mut self.swept),
             std::mem::take(&mut self.rest),
@@ -288,7 +296,7 @@ mod tests {
     }
 
     /// Unit springs in all directions and a mass.
-    fn membrane(side: u32, mass: f64) -> (Rows<6>, Vec<[u32; 2]>) {
+    fn membrane(side: u32, mass: f64) -> (Rows<6, 6>, Vec<[u32; 2]>) {
         let pairs = grid(side);
         let n_blocks = (side * side) as usize;
         let identity = |s: f64| [s, 0.0, 0.0, s, 0.0, s];
@@ -305,7 +313,7 @@ mod tests {
         // What one block feels reaches ten blocks far.
         let (rows, pairs) = membrane(side, 1e-2);
         let n_blocks = rows.n_blocks();
-        let mut multilevel = Multilevel::<3, 6>::with_dearest_coarse(
+        let mut multilevel = Multilevel::<3, 6, 6>::with_dearest_coarse(
             n_blocks,
             &pairs,
             Options::default(),
@@ -357,7 +365,7 @@ mod tests {
     #[test]
     fn a_correction_leaves_no_sum_on_any_aggregate() {
         let (rows, pairs) = membrane(12, 1.0);
-        let mut multilevel = Multilevel::<3, 6>::new(144, &pairs, Options::default()).unwrap();
+        let mut multilevel = Multilevel::<3, 6, 6>::new(144, &pairs, Options::default()).unwrap();
         multilevel.set(&rows).unwrap();
         let b: Vec<[f64; 3]> = (0..144).map(|k| [1.0, f64::from(k).sin(), 2.0]).collect();
         let mut x = vec![[0.0; 3]; 144];

@@ -43,9 +43,15 @@ impl Price {
         }
     }
 
-    /// Of an iteration with a matrix of such a pattern.
-    pub(crate) fn of_iteration<const P: usize>(n_blocks: usize, n_pairs: usize) -> f64 {
-        200.0 + P as f64 / 6.0 * (10.0 * n_pairs as f64 + 20.0 * n_blocks as f64)
+    /// Of an iteration with a matrix of such a pattern, P numbers a diagonal block
+    /// and Q an off-diagonal one.
+    pub(crate) fn of_iteration<const P: usize, const Q: usize>(
+        n_blocks: usize,
+        n_pairs: usize,
+    ) -> f64 {
+        // More numbers, but as many blocks of vectors that are fetched.
+        let n_pairs = n_pairs as f64 * (0.75 + 0.25 * Q as f64 / P as f64);
+        200.0 + P as f64 / 6.0 * (10.0 * n_pairs + 20.0 * n_blocks as f64)
     }
 }
 
@@ -76,10 +82,10 @@ const FIRST_PAUSE: u32 = 16;
 const LONGEST_PAUSE: u32 = 1024;
 
 impl Chooser {
-    pub(crate) fn new<const D: usize, const P: usize>(
+    pub(crate) fn new<const D: usize, const P: usize, const Q: usize>(
         n_blocks: usize,
         n_pairs: usize,
-        direct: &Direct<D, P>,
+        direct: &Direct<D, P, Q>,
         asked: Route,
     ) -> Self {
         let size = direct.size();
@@ -94,7 +100,7 @@ impl Chooser {
                 _ => Route::Double,
             },
             direct_price: Price::with_factor(size.entries, size.flops),
-            iteration: Price::of_iteration::<P>(n_blocks, n_pairs),
+            iteration: Price::of_iteration::<P, Q>(n_blocks, n_pairs),
             experience: Experience {
                 next_pause: FIRST_PAUSE,
                 next_mixed_pause: FIRST_PAUSE,

@@ -1,20 +1,20 @@
 //! Symmetric matrices of blocks, by rows of the upper triangle.
 
 use crate::SolveError;
-use crate::block::{Rounding, add, invert, subtract, times};
+use crate::block::{Rounding, add, invert, subtract, times, times_transposed};
 
-/// A symmetric matrix whose blocks are symmetric, too: the diagonal, and the
-/// strictly upper triangle row by row with ascending columns.
-pub(crate) struct Rows<const P: usize> {
+/// A symmetric matrix: the diagonal with P numbers a block, and the strictly upper
+/// triangle with Q numbers a block, row by row with ascending columns.
+pub(crate) struct Rows<const P: usize, const Q: usize> {
     starts: Vec<usize>,
     columns: Vec<u32>,
     /// Which of the caller's pairs each entry is.
     sources: Vec<u32>,
     diagonal: Vec<[f64; P]>,
-    upper: Vec<[f64; P]>,
+    upper: Vec<[f64; Q]>,
 }
 
-impl<const P: usize> Rows<P> {
+impl<const P: usize, const Q: usize> Rows<P, Q> {
     /// The pattern with the given pairs; all values are zero.
     pub(crate) fn new(n_blocks: usize, pairs: &[[u32; 2]]) -> Self {
         let mut entries: Vec<([u32; 2], u32)> = pairs
@@ -31,13 +31,13 @@ impl<const P: usize> Rows<P> {
             columns: entries.iter().map(|entry| entry.0[1]).collect(),
             sources: entries.iter().map(|entry| entry.1).collect(),
             diagonal: vec![[0.0; P]; n_blocks],
-            upper: vec![[0.0; P]; pairs.len()],
+            upper: vec![[0.0; Q]; pairs.len()],
         }
     }
 
     /// Memory of such a matrix, in bytes.
     pub(crate) fn memory(n_blocks: usize, n_pairs: usize) -> u64 {
-        ((8 + 8 * P) * (n_blocks + n_pairs)) as u64
+        ((8 + 8 * P) * n_blocks + (8 + 8 * Q) * n_pairs) as u64
     }
 
     pub(crate) fn n_blocks(&self) -> usize {
@@ -53,7 +53,7 @@ impl<const P: usize> Rows<P> {
     }
 
     /// Takes values, off-diagonal ones in the order of the caller's pairs.
-    pub(crate) fn set(&mut self, diagonal: &[[f64; P]], off_diagonal: &[[f64; P]]) {
+    pub(crate) fn set(&mut self, diagonal: &[[f64; P]], off_diagonal: &[[f64; Q]]) {
         self.diagonal.copy_from_slice(diagonal);
         for (entry, &source) in self.upper.iter_mut().zip(&self.sources) {
             *entry = off_diagonal[source as usize];
@@ -61,7 +61,7 @@ impl<const P: usize> Rows<P> {
     }
 
     /// Every off-diagonal block once: row, column, the caller's pair, values.
-    pub(crate) fn pairs(&self) -> impl Iterator<Item = (usize, usize, usize, &[f64; P])> {
+    pub(crate) fn pairs(&self) -> impl Iterator<Item = (usize, usize, usize, &[f64; Q])> {
         (0..self.n_blocks()).flat_map(move |row| {
             self.row(row)
                 .map(move |(column, entry)| (row, column, self.sources[entry] as usize))
@@ -89,7 +89,7 @@ impl<const P: usize> Rows<P> {
             for (column, entry) in self.row(row) {
                 let block = &self.upper[entry];
                 add(&mut sum, times(block, &x[column]));
-                add(&mut y[column], times(block, &here));
+                add(&mut y[column], times_transposed(block, &here));
             }
             add(&mut y[row], sum);
         }
@@ -109,7 +109,7 @@ impl<const P: usize> Rows<P> {
     pub(crate) fn subtract_lower<const D: usize>(&self, x: &[[f64; D]], y: &mut [[f64; D]]) {
         for (row, x) in x.iter().enumerate() {
             for (column, entry) in self.row(row) {
-                subtract(&mut y[column], times(&self.upper[entry], x));
+                subtract(&mut y[column], times_transposed(&self.upper[entry], x));
             }
         }
     }
@@ -126,7 +126,7 @@ impl<const P: usize> Rows<P> {
             let here = times(&inverses[row], &b[row]);
             x[row] = here;
             for (column, entry) in self.row(row) {
-                subtract(&mut b[column], times(&self.upper[entry], &here));
+                subtract(&mut b[column], times_transposed(&self.upper[entry], &here));
             }
         }
     }
@@ -170,11 +170,10 @@ mod tests {
     use super::*;
     use nalgebra::{DMatrix, DVector, Matrix3};
 
-    fn example() -> (Rows<6>, DMatrix<f64>) {
+    fn example() -> (Rows<6, 9>, DMatrix<f64>) {
         let pairs = [[2, 0], [1, 2], [3, 1], [0, 3]];
         let mut rows = Rows::new(4, &pairs);
-        let block =
-            |seed: f64| [1.0, 2.0, 3.0, 4.0, 5.0, 6.0].map(|entry: f64| (seed * entry).sin());
+        let block = |seed: f64| std::array::from_fn(|k| (seed * (k + 1) as f64).sin());
         let off_diagonal: Vec<_> = (0..4).map(|k| block(1.0 + f64::from(k))).collect();
         let diagonal: Vec<[f64; 6]> = (0..4)
             .map(|k| [9.0, 0.5, -0.5, 8.0, 1.0, 7.0 + f64::from(k)])
@@ -188,10 +187,11 @@ mod tests {
                 .fixed_view_mut::<3, 3>(3 * k, 3 * k)
                 .copy_from(&full(block));
         }
-        for (pair, block) in pairs.iter().zip(&off_diagonal) {
-            let [a, b] = pair.map(|block| 3 * block as usize);
-            dense.fixed_view_mut::<3, 3>(a, b).copy_from(&full(block));
-            dense.fixed_view_mut::<3, 3>(b, a).copy_from(&full(block));
+        for (&[a, b], block) in pairs.iter().zip(&off_diagonal) {
+            let [a, b] = [a.min(b), a.max(b)].map(|block: u32| 3 * block as usize);
+            let block = Matrix3::from_row_slice(block);
+            dense.fixed_view_mut::<3, 3>(a, b).copy_from(&block);
+            dense.fixed_view_mut::<3, 3>(b, a).tr_copy_from(&block);
         }
         (rows, dense)
     }

@@ -4,23 +4,24 @@ use crate::Interrupt;
 use crate::block::{Rounding, packed};
 use crate::conjugate_gradients::Preconditioner;
 use crate::fronts::Fronts;
-use crate::multifrontal::{Multifrontal, NoFactor, filled};
+use crate::multifrontal::{Multifrontal, NoFactor, Values, filled};
 use crate::rows::Rows;
 
 /// Half the bytes and twice the operations a second of a factor in double
 /// precision: as a preconditioner it leaves conjugate gradients a few
 /// iterations.
-pub(crate) struct Single<const D: usize, const P: usize> {
-    factor: Multifrontal<f32, D, P>,
+pub(crate) struct Single<const D: usize, const P: usize, const Q: usize> {
+    factor: Multifrontal<f32, D>,
     /// The scaled matrix in single precision.
-    blocks: Vec<[f32; P]>,
+    diagonal: Vec<[f32; P]>,
+    off_diagonal: Vec<[f32; Q]>,
     permuted: Vec<f32>,
     /// Powers of two that make all diagonals about one, so that the range of
     /// single precision is enough for any units.
     scales: Vec<f64>,
 }
 
-impl<const D: usize, const P: usize> Single<D, P> {
+impl<const D: usize, const P: usize, const Q: usize> Single<D, P, Q> {
     /// `None` without enough memory.
     pub(crate) fn new(
         fronts: &Fronts,
@@ -30,7 +31,8 @@ impl<const D: usize, const P: usize> Single<D, P> {
     ) -> Option<Self> {
         Some(Self {
             factor: Multifrontal::new(fronts, threads)?,
-            blocks: filled([0.0; P], n_blocks + n_pairs)?,
+            diagonal: filled([0.0; P], n_blocks)?,
+            off_diagonal: filled([0.0; Q], n_pairs)?,
             permuted: filled(0.0, D * n_blocks)?,
             scales: filled(1.0, n_blocks)?,
         })
@@ -38,13 +40,13 @@ impl<const D: usize, const P: usize> Single<D, P> {
 
     /// Memory beside the factor, in bytes.
     pub(crate) fn memory(n_blocks: usize, n_pairs: usize) -> u64 {
-        ((8 + 4 * D + 4 * P) * n_blocks + 4 * P * n_pairs) as u64
+        ((8 + 4 * D + 4 * P) * n_blocks + 4 * Q * n_pairs) as u64
     }
 
     pub(crate) fn factorize(
         &mut self,
         fronts: &Fronts,
-        matrix: &Rows<P>,
+        matrix: &Rows<P, Q>,
         rounding: Rounding,
         interrupt: &Interrupt,
     ) -> Result<(), NoFactor> {
@@ -57,28 +59,33 @@ impl<const D: usize, const P: usize> Single<D, P> {
                 false => 1.0,
             };
         }
-        let (diagonals, pair_blocks) = self.blocks.split_at_mut(diagonal.len());
-        let scaled = |block: &[f64; P], scale: f64| block.map(|value| (scale * value) as f32);
-        for ((target, block), scale) in diagonals.iter_mut().zip(diagonal).zip(&self.scales) {
-            *target = scaled(block, scale * scale);
+        for ((target, block), scale) in self.diagonal.iter_mut().zip(diagonal).zip(&self.scales) {
+            *target = block.map(|value| (scale * scale * value) as f32);
         }
         for (row, column, pair, block) in matrix.pairs() {
-            pair_blocks[pair] = scaled(block, self.scales[row] * self.scales[column]);
+            let scale = self.scales[row] * self.scales[column];
+            self.off_diagonal[pair] = block.map(|value| (scale * value) as f32);
         }
-        self.factor
-            .factorize(fronts, &self.blocks, rounding, interrupt)
+        let values = Values {
+            diagonal: &self.diagonal,
+            off_diagonal: &self.off_diagonal,
+            rounding,
+        };
+        self.factor.factorize(fronts, values, interrupt)
     }
 }
 
 /// The last factor, with the order of its columns.
-pub(crate) struct Substitution<'a, const D: usize, const P: usize> {
-    pub(crate) single: &'a mut Single<D, P>,
+pub(crate) struct Substitution<'a, const D: usize, const P: usize, const Q: usize> {
+    pub(crate) single: &'a mut Single<D, P, Q>,
     pub(crate) fronts: &'a Fronts,
     pub(crate) order: &'a [usize],
 }
 
-impl<const D: usize, const P: usize> Preconditioner<D, P> for Substitution<'_, D, P> {
-    fn apply(&mut self, _matrix: &Rows<P>, r: &[[f64; D]], z: &mut [[f64; D]]) {
+impl<const D: usize, const P: usize, const Q: usize> Preconditioner<D, P, Q>
+    for Substitution<'_, D, P, Q>
+{
+    fn apply(&mut self, _matrix: &Rows<P, Q>, r: &[[f64; D]], z: &mut [[f64; D]]) {
         let Single {
             factor,
             permuted,

@@ -1,22 +1,11 @@
 //! Systems on a pattern analyzed once.
 
-use crate::block::{dot, packed, times};
 use crate::core::Core;
-use crate::{Counts, Experience, Interrupt, Options, Price, SolveError};
-
-/// Where solutions are known to lie, and what the matrices are then like.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Subspace {
-    /// Anywhere.
-    Space,
-    /// In the plane of two orthonormal vectors; right-hand sides do, too, and
-    /// the matrix keeps it that way.
-    Plane([[f64; 3]; 2]),
-    /// Along a unit vector, likewise.
-    Line([f64; 3]),
-    /// Anywhere, but every block is a multiple of the identity.
-    Isotropic,
-}
+use crate::packing::Upper;
+use crate::subspace::{Reduced, RightHandSide};
+use crate::{
+    Counts, Experience, Interrupt, OffDiagonal, Options, Packing, Price, SolveError, Subspace,
+};
 
 /// A solver of A x = b with matrices of one pattern.
 ///
@@ -39,22 +28,47 @@ pub struct Solver {
     kind: Kind,
 }
 
-/// The same by dimension.
+/// By packing of the off-diagonal blocks.
 enum Kind {
-    Space(Box<Core<3, 6>>),
-    Plane(Reduced<2, 3>),
-    Line(Reduced<1, 1>),
-    Isotropic(Reduced<1, 1>),
+    Symmetric(Box<dyn Dimension<6>>),
+    General(Box<dyn Dimension<9>>, Upper),
 }
 
-/// A solver of matrices in a subspace.
-struct Reduced<const D: usize, const P: usize> {
-    core: Box<Core<D, P>>,
-    basis: [[f64; 3]; D],
-    /// The last matrix, which stands if the next is the same.
-    diagonal: Vec<[f64; P]>,
-    off_diagonal: Vec<[f64; P]>,
-    x: Vec<[f64; D]>,
+/// A solver for one dimension of blocks, of matrices with 3 × 3 blocks; off the
+/// diagonal they have N numbers.
+pub(crate) trait Dimension<const N: usize>: Send + Sync {
+    fn experience(&mut self) -> &mut Experience;
+
+    fn set_interrupt(&mut self, interrupt: &Interrupt);
+
+    fn counts(&self) -> Counts;
+
+    /// Of each pair (a, b) the block of the upper triangle.
+    fn set_matrix(&mut self, diagonal: &[[f64; 6]], upper: &[[f64; N]]) -> Result<(), SolveError>;
+
+    fn solve_in_place(&mut self, rhs: &mut [[f64; 3]], accuracy: f64) -> Result<(), SolveError>;
+}
+
+impl<const N: usize> Dimension<N> for Core<3, 6, N> {
+    fn experience(&mut self) -> &mut Experience {
+        self.experience()
+    }
+
+    fn set_interrupt(&mut self, interrupt: &Interrupt) {
+        self.set_interrupt(interrupt);
+    }
+
+    fn counts(&self) -> Counts {
+        self.counts()
+    }
+
+    fn set_matrix(&mut self, diagonal: &[[f64; 6]], upper: &[[f64; N]]) -> Result<(), SolveError> {
+        self.set_matrix(diagonal, upper)
+    }
+
+    fn solve_in_place(&mut self, rhs: &mut [[f64; 3]], accuracy: f64) -> Result<(), SolveError> {
+        self.solve_in_place(rhs, accuracy)
+    }
 }
 
 impl Solver {
@@ -71,19 +85,19 @@ impl Solver {
     ///
     /// # Panics
     ///
-    /// If there are positions, but not one per block.
+    /// If there are positions, but not one per block, or off-diagonal blocks are
+    /// general where all are said to be multiples of the identity.
     pub fn analyze(
         n_blocks: usize,
         pairs: &[[u32; 2]],
         options: Options<'_>,
     ) -> Result<Self, SolveError> {
-        let kind = match options.subspace {
-            Subspace::Space => Kind::Space(Box::new(Core::analyze(n_blocks, pairs, options)?)),
-            Subspace::Plane(basis) => Kind::Plane(Reduced::new(n_blocks, pairs, options, basis)?),
-            Subspace::Line(basis) => Kind::Line(Reduced::new(n_blocks, pairs, options, [basis])?),
-            Subspace::Isotropic => {
-                let first = [1.0, 0.0, 0.0];
-                Kind::Isotropic(Reduced::new(n_blocks, pairs, options, [first])?)
+        check_packing(options);
+        let kind = match options.packing {
+            Packing::Symmetric => Kind::Symmetric(dimension::<6, 3>(n_blocks, pairs, options)?),
+            Packing::General => {
+                let dimension = dimension::<9, 4>(n_blocks, pairs, options)?;
+                Kind::General(dimension, Upper::new(pairs))
             }
         };
         Ok(Self {
@@ -102,23 +116,17 @@ impl Solver {
     ///
     /// # Panics
     ///
-    /// If there are positions, but not one per block.
+    /// If there are positions, but not one per block, or off-diagonal blocks are
+    /// general where all are said to be multiples of the identity.
     pub fn price(
         n_blocks: usize,
         pairs: &[[u32; 2]],
         options: Options<'_>,
     ) -> Result<Price, SolveError> {
-        match options.subspace {
-            Subspace::Space => Core::<3, 6>::price(n_blocks, pairs, options),
-            Subspace::Plane(_) => Core::<2, 3>::price(n_blocks, pairs, options),
-            Subspace::Line(_) => Core::<1, 1>::price(n_blocks, pairs, options),
-            Subspace::Isotropic => {
-                let one = Core::<1, 1>::price(n_blocks, pairs, options)?;
-                Ok(Price {
-                    solution: 3.0 * one.solution,
-                    ..one
-                })
-            }
+        check_packing(options);
+        match options.packing {
+            Packing::Symmetric => price::<6, 3>(n_blocks, pairs, options),
+            Packing::General => price::<9, 4>(n_blocks, pairs, options),
         }
     }
 
@@ -131,20 +139,21 @@ impl Solver {
     ///
     /// # Panics
     ///
-    /// If there are positions, but not one per block.
+    /// If there are positions, but not one per block, or off-diagonal blocks are
+    /// general where all are said to be multiples of the identity.
     pub fn memory(
         n_blocks: usize,
         pairs: &[[u32; 2]],
         options: Options<'_>,
     ) -> Result<u64, SolveError> {
-        let reduced = |d: usize, p: usize| (8 * (d + p) * n_blocks + 8 * p * pairs.len()) as u64;
-        Ok(match options.subspace {
-            Subspace::Space => Core::<3, 6>::memory(n_blocks, pairs, options)?,
-            Subspace::Plane(_) => reduced(2, 3) + Core::<2, 3>::memory(n_blocks, pairs, options)?,
-            Subspace::Line(_) | Subspace::Isotropic => {
-                reduced(1, 1) + Core::<1, 1>::memory(n_blocks, pairs, options)?
+        check_packing(options);
+        match options.packing {
+            Packing::Symmetric => memory::<6, 3>(n_blocks, pairs, options),
+            Packing::General => {
+                let own = Upper::new(pairs).memory();
+                Ok(own + memory::<9, 4>(n_blocks, pairs, options)?)
             }
-        })
+        }
     }
 
     /// Number of block rows.
@@ -155,9 +164,8 @@ impl Solver {
     /// What it has learned of the last matrices.
     pub fn experience(&mut self) -> &mut Experience {
         match &mut self.kind {
-            Kind::Space(core) => core.experience(),
-            Kind::Plane(reduced) => reduced.core.experience(),
-            Kind::Line(reduced) | Kind::Isotropic(reduced) => reduced.core.experience(),
+            Kind::Symmetric(solver) => solver.experience(),
+            Kind::General(solver, _) => solver.experience(),
         }
     }
 
@@ -165,18 +173,16 @@ impl Solver {
     /// that ends soon with [`SolveError::Interrupted`].
     pub fn set_interrupt(&mut self, interrupt: &Interrupt) {
         match &mut self.kind {
-            Kind::Space(core) => core.set_interrupt(interrupt),
-            Kind::Plane(reduced) => reduced.core.set_interrupt(interrupt),
-            Kind::Line(reduced) | Kind::Isotropic(reduced) => reduced.core.set_interrupt(interrupt),
+            Kind::Symmetric(solver) => solver.set_interrupt(interrupt),
+            Kind::General(solver, _) => solver.set_interrupt(interrupt),
         }
     }
 
     /// What was done so far.
     pub fn counts(&self) -> Counts {
         let counts = match &self.kind {
-            Kind::Space(core) => core.counts(),
-            Kind::Plane(reduced) => reduced.core.counts(),
-            Kind::Line(reduced) | Kind::Isotropic(reduced) => reduced.core.counts(),
+            Kind::Symmetric(solver) => solver.counts(),
+            Kind::General(solver, _) => solver.counts(),
         };
         Counts {
             solutions: self.solutions,
@@ -184,9 +190,9 @@ impl Solver {
         }
     }
 
-    /// Takes the matrix with the given blocks, each packed as
-    /// (xx, xy, xz, yy, yz, zz), and factorizes it or prepares iterations. If
-    /// it is the last one, that stands.
+    /// Takes the matrix with the given blocks, those of the diagonal packed as
+    /// (xx, xy, xz, yy, yz, zz), and factorizes it or prepares iterations. In a
+    /// subspace, if it is the last one, that stands.
     ///
     /// # Errors
     ///
@@ -196,20 +202,23 @@ impl Solver {
     /// # Panics
     ///
     /// If there is not one diagonal block per block row and one off-diagonal
-    /// block per pair.
-    pub fn set_matrix(
+    /// block per pair, or if those are not of the packing of the options.
+    pub fn set_matrix<'a>(
         &mut self,
         diagonal: &[[f64; 6]],
-        off_diagonal: &[[f64; 6]],
+        off_diagonal: impl Into<OffDiagonal<'a>>,
     ) -> Result<(), SolveError> {
+        let off_diagonal = off_diagonal.into();
         assert_eq!(diagonal.len(), self.n_blocks, "one diagonal block per row");
         assert_eq!(off_diagonal.len(), self.n_pairs, "one block per pair");
-        match &mut self.kind {
-            Kind::Space(core) => core.set_matrix(diagonal, off_diagonal),
-            Kind::Plane(reduced) => reduced.set_matrix(diagonal, off_diagonal),
-            Kind::Line(reduced) | Kind::Isotropic(reduced) => {
-                reduced.set_matrix(diagonal, off_diagonal)
+        match (&mut self.kind, off_diagonal) {
+            (Kind::Symmetric(solver), OffDiagonal::Symmetric(blocks)) => {
+                solver.set_matrix(diagonal, blocks)
             }
+            (Kind::General(solver, upper), OffDiagonal::General(blocks)) => {
+                solver.set_matrix(diagonal, upper.of(blocks))
+            }
+            _ => panic!("off-diagonal blocks of the packing of the options"),
         }
     }
 
@@ -240,98 +249,73 @@ impl Solver {
         );
         self.solutions += 1;
         match &mut self.kind {
-            Kind::Space(core) => core.solve_in_place(blocks, accuracy),
-            Kind::Plane(reduced) => reduced.solve_in_place(blocks, accuracy),
-            Kind::Line(reduced) => reduced.solve_in_place(blocks, accuracy),
-            Kind::Isotropic(reduced) => {
-                (0..3).try_for_each(|axis| reduced.solve_axis(blocks, axis, accuracy))
-            }
+            Kind::Symmetric(solver) => solver.solve_in_place(blocks, accuracy),
+            Kind::General(solver, _) => solver.solve_in_place(blocks, accuracy),
         }
     }
 }
 
-impl<const D: usize, const P: usize> Reduced<D, P> {
-    fn new(
-        n_blocks: usize,
-        pairs: &[[u32; 2]],
-        options: Options<'_>,
-        basis: [[f64; 3]; D],
-    ) -> Result<Self, SolveError> {
-        Ok(Self {
-            core: Box::new(Core::analyze(n_blocks, pairs, options)?),
-            basis,
-            diagonal: vec![[0.0; P]; n_blocks],
-            off_diagonal: vec![[0.0; P]; pairs.len()],
-            x: vec![[0.0; D]; n_blocks],
-        })
-    }
+/// A solver for blocks of N numbers off the diagonal, of which OF_PLANE are left in
+/// a plane.
+fn dimension<const N: usize, const OF_PLANE: usize>(
+    n_blocks: usize,
+    pairs: &[[u32; 2]],
+    options: Options<'_>,
+) -> Result<Box<dyn Dimension<N>>, SolveError> {
+    use RightHandSide::{Anywhere, InSubspace};
+    let line = |direction, right_hand_side| {
+        Reduced::<1, 1, 1>::new(n_blocks, pairs, options, [direction], right_hand_side)
+    };
+    Ok(match options.subspace {
+        Subspace::Space => Box::new(Core::<3, 6, N>::analyze(n_blocks, pairs, options)?),
+        Subspace::Plane(basis) => Box::new(Reduced::<2, 3, OF_PLANE>::new(
+            n_blocks, pairs, options, basis, InSubspace,
+        )?),
+        Subspace::Line(direction) => Box::new(line(direction, InSubspace)?),
+        Subspace::Isotropic => Box::new(line([1.0, 0.0, 0.0], Anywhere)?),
+    })
+}
 
-    fn set_matrix(
-        &mut self,
-        diagonal: &[[f64; 6]],
-        off_diagonal: &[[f64; 6]],
-    ) -> Result<(), SolveError> {
-        let mut is_the_last = self.core.has_matrix();
-        for (kept, blocks) in [
-            (&mut self.diagonal, diagonal),
-            (&mut self.off_diagonal, off_diagonal),
-        ] {
-            for (kept, block) in kept.iter_mut().zip(blocks) {
-                let reduced = reduce(block, &self.basis);
-                is_the_last &= *kept == reduced;
-                *kept = reduced;
-            }
+fn price<const N: usize, const OF_PLANE: usize>(
+    n_blocks: usize,
+    pairs: &[[u32; 2]],
+    options: Options<'_>,
+) -> Result<Price, SolveError> {
+    match options.subspace {
+        Subspace::Space => Core::<3, 6, N>::price(n_blocks, pairs, options),
+        Subspace::Plane(_) => Core::<2, 3, OF_PLANE>::price(n_blocks, pairs, options),
+        Subspace::Line(_) => Core::<1, 1, 1>::price(n_blocks, pairs, options),
+        Subspace::Isotropic => {
+            let one = Core::<1, 1, 1>::price(n_blocks, pairs, options)?;
+            Ok(Price {
+                solution: 3.0 * one.solution,
+                ..one
+            })
         }
-        if is_the_last {
-            return Ok(());
-        }
-        self.core.set_matrix(&self.diagonal, &self.off_diagonal)
-    }
-
-    fn solve_in_place(&mut self, blocks: &mut [[f64; 3]], accuracy: f64) -> Result<(), SolveError> {
-        for (x, block) in self.x.iter_mut().zip(&*blocks) {
-            *x = self.basis.map(|vector| dot(&vector, block));
-        }
-        self.core.solve_in_place(&mut self.x, accuracy)?;
-        for (x, block) in self.x.iter().zip(blocks) {
-            *block = [0.0; 3];
-            for (length, vector) in x.iter().zip(&self.basis) {
-                for (entry, component) in block.iter_mut().zip(vector) {
-                    *entry += length * component;
-                }
-            }
-        }
-        Ok(())
-    }
-
-    /// Solves for one component.
-    fn solve_axis(
-        &mut self,
-        blocks: &mut [[f64; 3]],
-        axis: usize,
-        accuracy: f64,
-    ) -> Result<(), SolveError> {
-        for (x, block) in self.x.iter_mut().zip(&*blocks) {
-            *x = [block[axis]; D];
-        }
-        self.core.solve_in_place(&mut self.x, accuracy)?;
-        for (x, block) in self.x.iter().zip(blocks) {
-            block[axis] = x[0];
-        }
-        Ok(())
     }
 }
 
-/// The block of a matrix in the given directions.
-fn reduce<const D: usize, const P: usize>(block: &[f64; 6], basis: &[[f64; 3]; D]) -> [f64; P] {
-    let mut reduced = [0.0; P];
-    for (column, vector) in basis.iter().enumerate() {
-        let image = times::<3, 6>(block, vector);
-        for (row, other) in basis.iter().enumerate().take(column + 1) {
-            reduced[packed::<D>(row, column)] = dot(other, &image);
+fn memory<const N: usize, const OF_PLANE: usize>(
+    n_blocks: usize,
+    pairs: &[[u32; 2]],
+    options: Options<'_>,
+) -> Result<u64, SolveError> {
+    match options.subspace {
+        Subspace::Space => Core::<3, 6, N>::memory(n_blocks, pairs, options),
+        Subspace::Plane(_) => Reduced::<2, 3, OF_PLANE>::memory(n_blocks, pairs, options),
+        Subspace::Line(_) | Subspace::Isotropic => {
+            Reduced::<1, 1, 1>::memory(n_blocks, pairs, options)
         }
     }
-    reduced
+}
+
+/// Panics if every block is said to be a multiple of the identity, but not packed
+/// as a symmetric one.
+fn check_packing(options: Options<'_>) {
+    assert!(
+        options.subspace != Subspace::Isotropic || options.packing == Packing::Symmetric,
+        "multiples of the identity are packed as symmetric blocks"
+    );
 }
 
 #[cfg(test)]
@@ -470,7 +454,7 @@ mod tests {
     #[test]
     fn the_size_of_the_factor_is_counted() {
         // A chain: each of the columns but the last has two blocks.
-        let size = Direct::<3, 6>::new(10, &chain(10), Options::default())
+        let size = Direct::<3, 6, 6>::new(10, &chain(10), Options::default())
             .unwrap()
             .size();
         assert_eq!(size.flops, 9.0 * 3.0 * 36.0 + 3.0 * 9.0);
@@ -709,7 +693,7 @@ mod tests {
     #[test]
     fn an_empty_system_is_solved() {
         let mut solver = Solver::analyze(0, &[], Options::default()).unwrap();
-        solver.set_matrix(&[], &[]).unwrap();
+        solver.set_matrix(&[], &[[0.0; 6]; 0]).unwrap();
         solver.solve_in_place(&mut [], 1e-11).unwrap();
     }
 

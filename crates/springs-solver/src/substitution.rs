@@ -204,7 +204,7 @@ enum Direction {
     Backward,
 }
 
-impl<T: Real, const D: usize, const P: usize> Multifrontal<T, D, P> {
+impl<T: Real, const D: usize> Multifrontal<T, D> {
     /// Replaces b by the solution, both in order of elimination.
     pub(crate) fn solve_in_place(&mut self, fronts: &Fronts, x: &mut [T]) {
         self.substitution.outside.fill(T::default());

@@ -1,6 +1,9 @@
 //! Chains, trees and forests: elimination without fill.
 
-use crate::block::{PIVOT_ROUNDING, Rounding, add, backward, cholesky, dot, forward, packed, rows};
+use crate::block::{
+    PIVOT_ROUNDING, Rounding, add, backward, cholesky, columns, dot, forward, is_symmetric, packed,
+    rows,
+};
 use crate::fronts::Elimination;
 use crate::multifrontal::NoFactor;
 
@@ -65,10 +68,10 @@ impl<const D: usize, const P: usize> Tree<D, P> {
         (self.columns.len() * (size_of::<Column<D, P>>() + size_of::<usize>() + 8 * D)) as u64
     }
 
-    pub(crate) fn factorize(
+    pub(crate) fn factorize<const Q: usize>(
         &mut self,
         diagonal: &[[f64; P]],
-        off_diagonal: &[[f64; P]],
+        off_diagonal: &[[f64; Q]],
         rounding: Rounding,
     ) -> Result<(), NoFactor> {
         for (column, &block) in self.columns.iter_mut().zip(&self.order) {
@@ -85,11 +88,17 @@ impl<const D: usize, const P: usize> Tree<D, P> {
             if column.parent == ROOT {
                 continue;
             }
-            // Symmetric, so its rows are those of the block below.
-            let below = rows::<f64, D, P>(&off_diagonal[column.pair as usize]);
+            let parent = column.parent as usize;
+            let block = &off_diagonal[column.pair as usize];
+            // The upper triangle has the block in the row of the smaller one.
+            let is_below = is_symmetric::<D, Q>() || self.order[parent] < self.order[index];
+            let below = if is_below {
+                rows::<f64, D, Q>(block)
+            } else {
+                columns::<f64, D, Q>(block)
+            };
             let below = below.map(|row| forward::<D, P>(&factor, row));
             column.below = below;
-            let parent = column.parent as usize;
             let mut update = [0.0; P];
             for row in 0..D {
                 for column in row..D {

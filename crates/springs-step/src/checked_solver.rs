@@ -143,6 +143,7 @@ impl Across {
                     // Only a factor is sure.
                     route: Route::Double,
                     subspace: Subspace::Line(self.normal.into()),
+                    ..Options::default()
                 };
                 let solver = empty.insert(Solver::analyze(self.n_blocks, &self.pairs, options)?);
                 solver.set_interrupt(&self.interrupt);

@@ -154,6 +154,7 @@ pub(crate) fn solver_options<'a>(
             Route::Auto
         },
         subspace,
+        ..Options::default()
     };
     (options, normal)
 }
