@@ -1,10 +1,8 @@
 //! A solver of matrices with blocks of one dimension.
 
-use crate::conjugate_gradients::{ConjugateGradients, Ending, Until};
 use crate::direct::Direct;
-use crate::multilevel::Multilevel;
-use crate::route::Chooser;
-use crate::rows::Rows;
+use crate::iterative::{ConjugateGradients, Ending, Multilevel, Rows, Until};
+use crate::strategy::Chooser;
 use crate::{Counts, Experience, Interrupt, Options, Price, Route, SolveError};
 
 /// A solver of A x = b with D × D blocks: P numbers a diagonal block, packed, and

@@ -20,30 +20,21 @@
 //! solved.
 
 mod block;
-mod conjugate_gradients;
 mod core;
 mod direct;
-mod dissection;
-mod fronts;
-mod graph;
 mod interrupt;
-mod multifrontal;
-mod multilevel;
+mod iterative;
+mod ordering;
 mod packing;
-mod registers;
-mod route;
-mod rows;
-mod sharing;
-mod single;
+mod parallel;
 mod solver;
+mod strategy;
 mod subspace;
-mod substitution;
-mod tree;
 
 pub use interrupt::Interrupt;
 pub use packing::{OffDiagonal, Packing};
-pub use route::{Price, Route};
 pub use solver::Solver;
+pub use strategy::{Price, Route};
 pub use subspace::Subspace;
 
 /// How systems are to be solved.

@@ -30,24 +30,24 @@ pub(crate) fn in_turns<P>(pieces: impl Iterator<Item = P>, threads: usize) -> Ve
     shares
 }
 
-/// Does the pieces of every share on a thread of its own, each with its desk; the
+/// Does the pieces of every share on a thread of its own, each with its workspace; the
 /// first on this one, and those for which no thread can be started. Results are in
 /// no particular order.
 pub(crate) fn work_off<P: Send, D: Send, R: Send>(
     shares: Vec<Vec<P>>,
-    desks: impl Iterator<Item = D>,
+    workspaces: impl Iterator<Item = D>,
     work: impl Fn(P, &mut D) -> R + Sync,
 ) -> Vec<R> {
-    let shares = shares.into_iter().zip(desks);
+    let shares = shares.into_iter().zip(workspaces);
     let shares = shares.filter(|(pieces, _)| !pieces.is_empty());
     // What no thread takes is still there.
     let shares: Vec<_> = shares.map(|share| Mutex::new(Some(share))).collect();
     let work_off = |share: &Mutex<Option<(Vec<P>, D)>>| -> Vec<R> {
         let taken = share.lock().ok().and_then(|mut share| share.take());
-        let Some((pieces, mut desk)) = taken else {
+        let Some((pieces, mut workspace)) = taken else {
             return Vec::new();
         };
-        let done = pieces.into_iter().map(|piece| work(piece, &mut desk));
+        let done = pieces.into_iter().map(|piece| work(piece, &mut workspace));
         done.collect()
     };
     let Some((mine, others)) = shares.split_first() else {

@@ -1,7 +1,8 @@
 //! Nested dissection by coordinates.
 
+use super::lists::Lists;
+use super::minimum_degree::minimum_degree;
 use crate::SolveError;
-use crate::graph::minimum_degree;
 
 /// Parts no larger than this are ordered by minimum degree.
 const LEAF: usize = 150;
@@ -16,7 +17,7 @@ pub(crate) fn nested_dissection(
 ) -> Result<Vec<usize>, SolveError> {
     let n_blocks = positions.len();
     let mut dissection = Dissection {
-        neighbours: Neighbours::new(n_blocks, pairs),
+        neighbours: Lists::of_neighbours(n_blocks, pairs),
         positions,
         side: vec![Side::Outside; n_blocks],
         local: vec![0; n_blocks],
@@ -35,42 +36,11 @@ enum Side {
 }
 
 struct Dissection<'a> {
-    neighbours: Neighbours,
+    neighbours: Lists,
     positions: &'a [[f64; 3]],
     side: Vec<Side>,
     local: Vec<u32>,
     order: Vec<usize>,
-}
-
-/// Neighbours of every block.
-struct Neighbours {
-    starts: Vec<usize>,
-    blocks: Vec<u32>,
-}
-
-impl Neighbours {
-    fn new(n_blocks: usize, pairs: &[[u32; 2]]) -> Self {
-        let mut starts = vec![0; n_blocks + 1];
-        for block in pairs.iter().flatten() {
-            starts[*block as usize + 1] += 1;
-        }
-        for block in 0..n_blocks {
-            starts[block + 1] += starts[block];
-        }
-        let mut next = starts.clone();
-        let mut blocks = vec![0; 2 * pairs.len()];
-        for &[a, b] in pairs {
-            for (from, to) in [(a, b), (b, a)] {
-                blocks[next[from as usize]] = to;
-                next[from as usize] += 1;
-            }
-        }
-        Self { starts, blocks }
-    }
-
-    fn of(&self, block: u32) -> &[u32] {
-        &self.blocks[self.starts[block as usize]..self.starts[block as usize + 1]]
-    }
 }
 
 impl Dissection<'_> {
@@ -119,7 +89,7 @@ impl Dissection<'_> {
         }
         let touching = |blocks: &[u32], other: Side| -> Vec<u32> {
             let touches = |block: &&u32| {
-                let mut neighbours = self.neighbours.of(**block).iter();
+                let mut neighbours = self.neighbours.of(**block as usize).iter();
                 neighbours.any(|&neighbour| self.side[neighbour as usize] == other)
             };
             blocks.iter().filter(touches).copied().collect()
@@ -157,7 +127,7 @@ impl Dissection<'_> {
         }
         let mut pairs = Vec::new();
         for &block in part {
-            for &neighbour in self.neighbours.of(block) {
+            for &neighbour in self.neighbours.of(block as usize) {
                 if neighbour > block && self.side[neighbour as usize] == Side::Left {
                     pairs.push([block, neighbour].map(|block| self.local[block as usize]));
                 }
@@ -176,7 +146,7 @@ impl Dissection<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fronts::Elimination;
+    use crate::ordering::Elimination;
 
     const OFFSETS: [[i32; 3]; 9] = [
         [1, 0, 0],

@@ -1,8 +1,10 @@
 //! Solution with the factor of a multifrontal factorization.
 
-use crate::fronts::Fronts;
-use crate::multifrontal::{Layout, Multifrontal, Real, subtract_multiple, zeros};
-use crate::sharing::{largest_first, work_off};
+use super::fronts::Fronts;
+use super::kernels::{Real, dot_in_lanes, subtract_multiple};
+use super::layout::Layout;
+use super::storage::zeros;
+use crate::parallel::{largest_first, work_off};
 use std::ops::Range;
 
 /// Workspace of solutions. Like factorizations, they run subtree by subtree and
@@ -181,7 +183,7 @@ impl<T: Real, const D: usize> View<'_, T, D> {
         let y = &mut self.gathered[..height];
         let panel = &self.factor[self.panel_starts[front]..self.panel_starts[front + 1]];
         for (k, column) in panel.chunks_exact(height).enumerate().rev() {
-            y[k] = (y[k] - dot(&y[k + 1..], &column[k + 1..])) / column[k];
+            y[k] = (y[k] - dot_in_lanes(&y[k + 1..], &column[k + 1..])) / column[k];
         }
         self.scatter(front, false);
     }
@@ -204,59 +206,70 @@ enum Direction {
     Backward,
 }
 
-impl<T: Real, const D: usize> Multifrontal<T, D> {
+impl<T: Real, const D: usize> Substitution<T, D> {
     /// Replaces b by the solution, both in order of elimination.
-    pub(crate) fn solve_in_place(&mut self, fronts: &Fronts, x: &mut [T]) {
-        self.substitution.outside.fill(T::default());
-        self.run_tasks(Direction::Forward, fronts, x);
-        let work = &mut self.substitution;
-        let (top_x, _) = work.top_x.as_chunks_mut::<D>();
+    pub(crate) fn solve_in_place(
+        &mut self,
+        fronts: &Fronts,
+        layout: &Layout,
+        factor: &[T],
+        x: &mut [T],
+    ) {
+        self.outside.fill(T::default());
+        self.run_tasks(Direction::Forward, fronts, layout, factor, x);
+        let (top_x, _) = self.top_x.as_chunks_mut::<D>();
         let (blocks, _) = x.as_chunks_mut::<D>();
-        for (target, &column) in top_x.iter_mut().zip(&work.top_columns) {
+        for (target, &column) in top_x.iter_mut().zip(&self.top_columns) {
             *target = blocks[column as usize];
         }
         let rows_outside = |task: &Range<usize>| fronts.rows(task.end - 1);
-        let (outside, _) = work.outside.as_chunks_mut::<D>();
-        let rows = self.layout.tasks.iter().flat_map(rows_outside);
+        let (outside, _) = self.outside.as_chunks_mut::<D>();
+        let rows = layout.tasks.iter().flat_map(rows_outside);
         for (&row, more) in rows.zip(&*outside) {
-            let target = &mut top_x[work.top_index[row as usize] as usize];
+            let target = &mut top_x[self.top_index[row as usize] as usize];
             for (target, more) in target.iter_mut().zip(more) {
                 *target += *more;
             }
         }
         let mut top = View::<T, D> {
             fronts,
-            factor: &self.factor,
-            panel_starts: &self.layout.panel_starts,
-            places: &work.places,
-            top_index: &work.top_index,
+            factor,
+            panel_starts: &layout.panel_starts,
+            places: &self.places,
+            top_index: &self.top_index,
             first: None,
             own: top_x.as_flattened_mut(),
             outside: &mut [],
-            gathered: &mut work.gathered[0],
+            gathered: &mut self.gathered[0],
         };
-        top.run(Direction::Forward, self.layout.top.iter().copied());
-        top.run(Direction::Backward, self.layout.top.iter().copied());
-        for (source, &column) in top_x.iter().zip(&work.top_columns) {
+        top.run(Direction::Forward, layout.top.iter().copied());
+        top.run(Direction::Backward, layout.top.iter().copied());
+        for (source, &column) in top_x.iter().zip(&self.top_columns) {
             blocks[column as usize] = *source;
         }
-        let rows = self.layout.tasks.iter().flat_map(rows_outside);
+        let rows = layout.tasks.iter().flat_map(rows_outside);
         for (&row, target) in rows.zip(outside) {
-            *target = top_x[work.top_index[row as usize] as usize];
+            *target = top_x[self.top_index[row as usize] as usize];
         }
-        self.run_tasks(Direction::Backward, fronts, x);
+        self.run_tasks(Direction::Backward, fronts, layout, factor, x);
     }
 
-    fn run_tasks(&mut self, direction: Direction, fronts: &Fronts, x: &mut [T]) {
-        let work = &mut self.substitution;
-        let threads = match self.factor.len() > WORTH_A_THREAD {
-            true => work.gathered.len(),
+    fn run_tasks(
+        &mut self,
+        direction: Direction,
+        fronts: &Fronts,
+        layout: &Layout,
+        factor: &[T],
+        x: &mut [T],
+    ) {
+        let threads = match factor.len() > WORTH_A_THREAD {
+            true => self.gathered.len(),
             false => 1,
         };
         let mut rest = x;
         let mut at = 0;
-        let mut rest_outside = &mut work.outside[..];
-        let tasks = self.layout.tasks.iter().map(|task| {
+        let mut rest_outside = &mut self.outside[..];
+        let tasks = layout.tasks.iter().map(|task| {
             let n_outside = D * fronts.rows(task.end - 1).len();
             let (outside, tail) = std::mem::take(&mut rest_outside).split_at_mut(n_outside);
             rest_outside = tail;
@@ -272,8 +285,8 @@ impl<T: Real, const D: usize> Multifrontal<T, D> {
                 outside,
             }
         });
-        let (factor, panel_starts) = (&self.factor, &self.layout.panel_starts);
-        let (places, top_index) = (&work.places, &work.top_index);
+        let panel_starts = &layout.panel_starts;
+        let (places, top_index) = (&self.places, &self.top_index);
         let run = |task: Task<'_, T>, gathered: &mut [T]| {
             let mut view = View::<T, D> {
                 fronts,
@@ -289,14 +302,14 @@ impl<T: Real, const D: usize> Multifrontal<T, D> {
             view.run(direction, task.fronts);
         };
         if threads == 1 {
-            tasks.for_each(|task| run(task, &mut work.gathered[0]));
+            tasks.for_each(|task| run(task, &mut self.gathered[0]));
             return;
         }
         let size = |task: &Task<'_, T>| {
             (panel_starts[task.fronts.end] - panel_starts[task.fronts.start]) as f64
         };
         let shares = largest_first(tasks, threads, size);
-        work_off(shares, work.gathered.iter_mut(), |task, gathered| {
+        work_off(shares, self.gathered.iter_mut(), |task, gathered| {
             run(task, gathered);
         });
     }
@@ -308,26 +321,4 @@ struct Task<'a, T> {
     first: u32,
     own: &'a mut [T],
     outside: &'a mut [T],
-}
-
-/// xᵀy, in lanes so that the order of the sum is that of the vector unit.
-#[inline(always)]
-fn dot<T: Real>(x: &[T], y: &[T]) -> T {
-    const LANES: usize = 16;
-    let mut sums = [T::default(); LANES];
-    let (xs, x_rest) = x.as_chunks::<LANES>();
-    let (ys, y_rest) = y.as_chunks::<LANES>();
-    for (x, y) in xs.iter().zip(ys) {
-        for lane in 0..LANES {
-            sums[lane] += x[lane] * y[lane];
-        }
-    }
-    let mut sum = T::default();
-    for lane in sums {
-        sum += lane;
-    }
-    for (x, y) in x_rest.iter().zip(y_rest) {
-        sum += *x * *y;
-    }
-    sum
 }

@@ -1,11 +1,13 @@
 //! A factor in single precision.
 
+use super::failure::NoFactor;
+use super::front::Values;
+use super::fronts::Fronts;
+use super::multifrontal::Multifrontal;
+use super::storage::filled;
 use crate::Interrupt;
 use crate::block::{Rounding, packed};
-use crate::conjugate_gradients::Preconditioner;
-use crate::fronts::Fronts;
-use crate::multifrontal::{Multifrontal, NoFactor, Values, filled};
-use crate::rows::Rows;
+use crate::iterative::{Preconditioner, Rows};
 
 /// Half the bytes and twice the operations a second of a factor in double
 /// precision: as a preconditioner it leaves conjugate gradients a few

@@ -1,10 +1,11 @@
 //! A preconditioner whose conjugate gradients take nearly the same number of
 //! iterations for any size.
 
+use super::conjugate_gradients::Preconditioner;
+use super::rows::Rows;
 use crate::block::{Rounding, add, is_symmetric, transposed, with_transposed};
-use crate::conjugate_gradients::Preconditioner;
 use crate::direct::Direct;
-use crate::rows::Rows;
+use crate::ordering::Lists;
 use crate::{Options, Price, SolveError};
 
 /// A sweep of Gauss and Seidel, a correction that is constant on every
@@ -239,26 +240,11 @@ impl<const D: usize, const P: usize, const Q: usize> Preconditioner<D, P, Q>
 /// Aggregate of each block, and how many there are: neighbourhoods that do not
 /// touch, then what is left joins one of them.
 fn aggregate(n_blocks: usize, pairs: &[[u32; 2]]) -> (Vec<u32>, usize) {
-    let mut starts = vec![0usize; n_blocks + 1];
-    for &block in pairs.as_flattened() {
-        starts[block as usize + 1] += 1;
-    }
-    for block in 0..n_blocks {
-        starts[block + 1] += starts[block];
-    }
-    let (mut neighbours, mut next) = (vec![0u32; 2 * pairs.len()], starts.clone());
-    for &[a, b] in pairs {
-        for (from, to) in [(a, b), (b, a)] {
-            neighbours[next[from as usize]] = to;
-            next[from as usize] += 1;
-        }
-    }
-    let neighbours_of = |block: usize| &neighbours[starts[block]..starts[block + 1]];
-
+    let neighbours = Lists::of_neighbours(n_blocks, pairs);
     let mut aggregates = vec![NONE; n_blocks];
     let mut n_aggregates = 0;
     for block in 0..n_blocks {
-        let around = neighbours_of(block);
+        let around = neighbours.of(block);
         let is_free = |&block: &u32| aggregates[block as usize] == NONE;
         if is_free(&(block as u32)) && around.iter().all(is_free) {
             aggregates[block] = n_aggregates;
@@ -272,7 +258,7 @@ fn aggregate(n_blocks: usize, pairs: &[[u32; 2]]) -> (Vec<u32>, usize) {
     let roots = aggregates.clone();
     for (block, aggregate) in aggregates.iter_mut().enumerate() {
         if *aggregate == NONE {
-            let mut around = neighbours_of(block).iter();
+            let mut around = neighbours.of(block).iter();
             let taken = around.find(|&&neighbour| roots[neighbour as usize] != NONE);
             *aggregate = roots[*taken.expect("a neighbour in an aggregate") as usize];
         }
@@ -284,7 +270,7 @@ fn aggregate(n_blocks: usize, pairs: &[[u32; 2]]) -> (Vec<u32>, usize) {
 mod tests {
     use super::*;
     use crate::Interrupt;
-    use crate::conjugate_gradients::{ConjugateGradients, Ending, Until};
+    use crate::iterative::{ConjugateGradients, Ending, Until};
 
     fn grid(side: u32) -> Vec<[u32; 2]> {
         let node = move |i: u32, j: u32| i * side + j;

@@ -1,13 +1,27 @@
 //! Direct solution: one order of elimination, and factors that share it.
 
+mod failure;
+mod front;
+mod fronts;
+mod kernels;
+mod layout;
+mod multifrontal;
+mod registers;
+mod single;
+mod storage;
+mod substitution;
+mod tree;
+
+use self::failure::NoFactor;
+use self::front::Values;
+use self::fronts::Fronts;
+use self::multifrontal::Multifrontal;
+use self::single::{Single, Substitution};
+use self::storage::filled;
+use self::tree::Tree;
 use crate::block::Rounding;
-use crate::dissection::nested_dissection;
-use crate::fronts::{Elimination, Fronts};
-use crate::graph::minimum_degree;
-use crate::multifrontal::{Multifrontal, NoFactor, Values, filled};
-use crate::rows::Rows;
-use crate::single::{Single, Substitution};
-use crate::tree::Tree;
+use crate::iterative::Rows;
+use crate::ordering::best_elimination;
 use crate::{FactorSize, Interrupt, Options, SolveError};
 
 /// The symbolic factorization P A Pᵀ = L Lᵀ of a pattern, and the factors made
@@ -198,26 +212,5 @@ impl<const D: usize, const P: usize, const Q: usize> Direct<D, P, Q> {
         for (source, &block) in permuted.iter().zip(&self.order) {
             x[block] = *source;
         }
-    }
-}
-
-/// Factorizations below this many operations are not worth a second order.
-const WORTH_DISSECTION: f64 = 1e7;
-
-/// The order that takes the fewest operations.
-fn best_elimination(
-    n_blocks: usize,
-    pairs: &[[u32; 2]],
-    positions: Option<&[[f64; 3]]>,
-) -> Result<Elimination, SolveError> {
-    let minimum = Elimination::new(&minimum_degree(n_blocks, pairs)?, pairs)?;
-    let Some(positions) = positions.filter(|_| minimum.size(3).flops > WORTH_DISSECTION) else {
-        return Ok(minimum);
-    };
-    assert_eq!(positions.len(), n_blocks, "one position per block");
-    let dissected = Elimination::new(&nested_dissection(pairs, positions)?, pairs)?;
-    match dissected.size(3).flops < minimum.size(3).flops {
-        true => Ok(dissected),
-        false => Ok(minimum),
     }
 }

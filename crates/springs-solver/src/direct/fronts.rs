@@ -1,10 +1,7 @@
 //! Symbolic factorization: which columns are eliminated together, and what
 //! rows they touch.
 
-use crate::graph::UpperGraph;
-
-/// No front or no block.
-const NONE: u32 = u32::MAX;
+use crate::ordering::{Elimination, Lists, NONE};
 
 /// The fronts of a multifrontal factorization (Duff and Reid, ACM TOMS 9, 1983;
 /// supernodes after Liu, Ng and Peyton, SIAM J. Matrix Anal. 14, 1993), children
@@ -19,8 +16,7 @@ pub(crate) struct Fronts {
     rows: Vec<u32>,
     /// Where in the parent's front (its columns, then its rows) each row is.
     relative: Vec<u32>,
-    child_starts: Vec<usize>,
-    children: Vec<u32>,
+    children: Lists,
     /// Block of the caller at each column.
     blocks: Vec<u32>,
     entry_starts: Vec<usize>,
@@ -39,113 +35,6 @@ pub(crate) struct Entry {
 /// A child is merged into its parent if that leaves no larger part of zeros,
 /// depending on the columns that they then have.
 const RELAXED: [(usize, f64); 4] = [(2, 1.0), (6, 0.6), (16, 0.15), (usize::MAX, 0.05)];
-
-/// An elimination order with its tree, children before parents and subtrees
-/// contiguous.
-pub(crate) struct Elimination {
-    /// Block of the caller that is eliminated k-th.
-    pub(crate) order: Vec<usize>,
-    pub(crate) graph: UpperGraph,
-    parents: Vec<u32>,
-    /// Blocks in each column of the factor, the diagonal included.
-    counts: Vec<usize>,
-}
-
-impl Elimination {
-    /// Sorts an order such that subtrees are contiguous, which changes nothing
-    /// in the factor.
-    pub(crate) fn new(order: &[usize], pairs: &[[u32; 2]]) -> Result<Self, crate::SolveError> {
-        let graph = UpperGraph::new(&inverse(order), pairs)?;
-        let parents = elimination_tree(&graph);
-        let sorted = postorder(&parents);
-        let order: Vec<usize> = sorted.iter().map(|&k| order[k]).collect();
-        let graph = UpperGraph::new(&inverse(&order), pairs)?;
-        let parents = elimination_tree(&graph);
-        let counts = graph.column_counts()?;
-        Ok(Self {
-            order,
-            graph,
-            parents,
-            counts,
-        })
-    }
-
-    /// Of the factor, with blocks of the given dimension.
-    pub(crate) fn size(&self, dimension: usize) -> crate::FactorSize {
-        let mut size = crate::FactorSize::default();
-        let dimension = dimension as f64;
-        for &blocks in &self.counts {
-            let column = dimension * blocks as f64;
-            size.entries += dimension * column;
-            size.flops += dimension * column * column;
-        }
-        size
-    }
-}
-
-/// Parent of each column (Liu, ACM TOMS 12, 1986).
-fn elimination_tree(graph: &UpperGraph) -> Vec<u32> {
-    let n = graph.n_blocks();
-    let (mut parents, mut ancestors) = (vec![NONE; n], vec![NONE; n]);
-    for column in 0..n {
-        for &row in &graph.rows[graph.column(column)] {
-            let mut at = row;
-            loop {
-                let above = ancestors[at];
-                if above == column as u32 {
-                    break;
-                }
-                ancestors[at] = column as u32;
-                if above == NONE {
-                    parents[at] = column as u32;
-                    break;
-                }
-                at = above as usize;
-            }
-        }
-    }
-    parents
-}
-
-/// Columns such that children stand before parents and subtrees are contiguous.
-fn postorder(parents: &[u32]) -> Vec<usize> {
-    let n = parents.len();
-    // Lists of children, smallest first.
-    let (mut first, mut next) = (vec![NONE; n], vec![NONE; n]);
-    let mut roots = Vec::new();
-    for node in (0..n).rev() {
-        match parents[node] {
-            NONE => roots.push(node),
-            parent => {
-                next[node] = first[parent as usize];
-                first[parent as usize] = node as u32;
-            }
-        }
-    }
-    let mut order = Vec::with_capacity(n);
-    let mut stack = roots;
-    while let Some(&node) = stack.last() {
-        match first[node] {
-            NONE => {
-                order.push(node);
-                stack.pop();
-            }
-            child => {
-                first[node] = next[child as usize];
-                stack.push(child as usize);
-            }
-        }
-    }
-    order
-}
-
-pub(crate) fn inverse(order: &[usize]) -> Vec<usize> {
-    let mut position = vec![0; order.len()];
-    for (k, &block) in order.iter().enumerate() {
-        position[block] = k;
-    }
-    position
-}
 
 /// A front while fronts are being merged.
 struct Group {
@@ -183,14 +72,17 @@ impl Fronts {
             column => front_of[column as usize],
         };
         let parents: Vec<u32> = groups.iter().map(last_parent).collect();
-        let (child_starts, children) = lists(&parents);
+        let with_parents = (0..).zip(&parents).filter(|(_, parent)| **parent != NONE);
+        let children = Lists::new(
+            parents.len(),
+            with_parents.map(|(front, &parent)| (parent, front)),
+        );
         let mut fronts = Self {
             first,
             parents,
             row_starts: vec![0],
             rows: Vec::new(),
             relative: Vec::new(),
-            child_starts,
             children,
             blocks: elimination
                 .order
@@ -225,9 +117,9 @@ impl Fronts {
 
     /// In bytes.
     pub(crate) fn memory(&self) -> u64 {
-        let of_fronts = 4 * (self.first.len() + self.parents.len() + self.children.len())
-            + size_of::<usize>()
-                * (self.row_starts.len() + self.child_starts.len() + self.entry_starts.len());
+        let of_fronts = 4 * (self.first.len() + self.parents.len())
+            + self.children.memory()
+            + size_of::<usize>() * (self.row_starts.len() + self.entry_starts.len());
         let of_rows = 4 * (self.rows.len() + self.relative.len() + self.blocks.len());
         (of_fronts + of_rows + size_of::<Entry>() * self.entries.len()) as u64
     }
@@ -242,7 +134,7 @@ impl Fronts {
     }
 
     pub(crate) fn children(&self, front: usize) -> &[u32] {
-        &self.children[self.child_starts[front]..self.child_starts[front + 1]]
+        self.children.of(front)
     }
 
     /// Blocks of the caller at its columns.
@@ -400,36 +292,9 @@ fn merged_groups(elimination: &Elimination) -> Vec<Group> {
     groups
 }
 
-/// Children of each node, ascending, from the parents.
-fn lists(parents: &[u32]) -> (Vec<usize>, Vec<u32>) {
-    let mut starts = vec![0; parents.len() + 1];
-    for &parent in parents.iter().filter(|parent| **parent != NONE) {
-        starts[parent as usize + 1] += 1;
-    }
-    for node in 0..parents.len() {
-        starts[node + 1] += starts[node];
-    }
-    let mut next = starts.clone();
-    let mut children = vec![0; starts[parents.len()]];
-    for (node, &parent) in parents.iter().enumerate() {
-        if parent != NONE {
-            children[next[parent as usize]] = node as u32;
-            next[parent as usize] += 1;
-        }
-    }
-    (starts, children)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn subtrees_are_contiguous_after_sorting() {
-        // A tree: 0-2, 1-3, 2-4, 3-4.
-        let parents = [2, 3, 4, 4, NONE];
-        assert_eq!(postorder(&parents), [0, 2, 1, 3, 4]);
-    }
 
     #[test]
     fn a_dense_graph_is_one_front() {

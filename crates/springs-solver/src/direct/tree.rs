@@ -1,11 +1,11 @@
 //! Chains, trees and forests: elimination without fill.
 
+use super::failure::NoFactor;
 use crate::block::{
     PIVOT_ROUNDING, Rounding, add, backward, cholesky, columns, dot, forward, is_symmetric, packed,
     rows,
 };
-use crate::fronts::Elimination;
-use crate::multifrontal::NoFactor;
+use crate::ordering::Elimination;
 
 /// No parent.
 const ROOT: u32 = u32::MAX;

@@ -1,12 +1,8 @@
-//! The graph of blocks: ordering and elimination tree.
-//!
-//! Ordering blocks instead of scalars gives the same fill at a fraction of the
-//! time, because the three scalars of a block have the same neighbours.
+//! The graph of blocks.
 
 use crate::SolveError;
 use dyn_stack::{MemBuffer, MemStack};
 use faer::sparse::SymbolicSparseColMatRef;
-use faer::sparse::linalg::amd;
 use faer::sparse::linalg::cholesky::simplicial;
 
 /// A symmetric pattern of blocks as the strictly upper triangle, column by
@@ -76,36 +72,4 @@ impl UpperGraph {
     pub(crate) fn column(&self, column: usize) -> std::ops::Range<usize> {
         self.column_starts[column]..self.column_starts[column + 1]
     }
-
-    /// Minimum-degree ordering: the block that is eliminated k-th, for each k.
-    fn minimum_degree(&self) -> Result<Vec<usize>, SolveError> {
-        let n = self.n_blocks();
-        let too_large = SolveError::TooLarge { n_blocks: n };
-        let mut order = vec![0usize; n];
-        let mut position = vec![0usize; n];
-        let scratch = amd::order_scratch::<usize>(n, self.rows.len());
-        let mut memory = MemBuffer::try_new(scratch).map_err(|_| too_large)?;
-        // The ordering reads parts of its workspace before it writes them.
-        memory.fill(std::mem::MaybeUninit::new(0));
-        let graph =
-            SymbolicSparseColMatRef::new_checked(n, n, &self.column_starts, None, &self.rows);
-        amd::order(
-            &mut order,
-            &mut position,
-            graph,
-            amd::Control::default(),
-            MemStack::new(&mut memory),
-        )
-        .map_err(|_| too_large)?;
-        Ok(order)
-    }
-}
-
-/// Minimum-degree ordering: the block that is eliminated k-th, for each k.
-pub(crate) fn minimum_degree(
-    n_blocks: usize,
-    pairs: &[[u32; 2]],
-) -> Result<Vec<usize>, SolveError> {
-    let natural: Vec<usize> = (0..n_blocks).collect();
-    UpperGraph::new(&natural, pairs)?.minimum_degree()
 }

@@ -1,8 +1,8 @@
 //! Preconditioned conjugate gradients.
 
+use super::rows::Rows;
 use crate::Interrupt;
 use crate::block::dot;
-use crate::rows::Rows;
 
 /// What stands for the inverse of a matrix: symmetric, positive definite.
 pub(crate) trait Preconditioner<const D: usize, const P: usize, const Q: usize> {
