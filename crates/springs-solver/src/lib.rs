@@ -32,6 +32,7 @@ mod strategy;
 mod subspace;
 
 pub use interrupt::Interrupt;
+pub use ordering::elimination_order;
 pub use packing::{OffDiagonal, Packing};
 pub use solver::Solver;
 pub use strategy::{Price, Route};

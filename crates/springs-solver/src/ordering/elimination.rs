@@ -136,6 +136,25 @@ pub(crate) fn best_elimination(
     }
 }
 
+/// The blocks in the order in which factors eliminate them: minimum degree or, with
+/// positions, nested dissection, whichever takes fewer operations. Subtrees of the
+/// elimination tree are contiguous, as supernodal factorizations by others need it.
+///
+/// # Errors
+///
+/// As [`Solver::analyze`](crate::Solver::analyze).
+///
+/// # Panics
+///
+/// If there are positions, but not one per block.
+pub fn elimination_order(
+    n_blocks: usize,
+    pairs: &[[u32; 2]],
+    positions: Option<&[[f64; 3]]>,
+) -> Result<Vec<usize>, SolveError> {
+    Ok(best_elimination(n_blocks, pairs, positions)?.order)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

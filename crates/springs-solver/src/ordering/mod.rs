@@ -9,5 +9,6 @@ mod graph;
 mod lists;
 mod minimum_degree;
 
+pub use elimination::elimination_order;
 pub(crate) use elimination::{Elimination, NONE, best_elimination};
 pub(crate) use lists::Lists;
