@@ -3,7 +3,7 @@
 mod common;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use springs::assembly::{Evaluation, Projection, Weights, compile};
+use springs::assembly::{Evaluation, Weights, compile};
 
 fn assembly(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("assembly");
@@ -19,14 +19,7 @@ fn assembly(criterion: &mut Criterion) {
         group.bench_function(id("forces"), |bencher| {
             bencher.iter(|| system.forces(x, v, &mut out.forces));
         });
-        let at = Evaluation {
-            x,
-            v,
-            projection: Projection::None,
-            tensions: None,
-            dashpot_tension: false,
-            weights: Weights::of_step(1.0 / 60.0),
-        };
+        let at = Evaluation::new(x, v, Weights::of_step(1.0 / 60.0));
         group.bench_function(id("forces and matrix"), |bencher| {
             bencher.iter(|| system.linearize(&at, &mut out));
         });

@@ -5,7 +5,7 @@
 mod common;
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
-use springs::assembly::{Evaluation, Linearization, Projection, Weights};
+use springs::assembly::{Evaluation, Linearization, OffDiagonal, Projection, Weights};
 use springs::scene::{Method, Scene, StepControl};
 use springs::solver::{Options, Route, Solver};
 use springs::step::Simulation;
@@ -23,12 +23,8 @@ fn in_motion(scene: &Scene) -> (Simulation, Linearization, Vec<f64>) {
     }
     let (system, state) = (simulation.stepper().system(), simulation.stepper().state());
     let at = Evaluation {
-        x: &state.x,
-        v: &state.v,
         projection: Projection::Clamp,
-        tensions: None,
-        dashpot_tension: false,
-        weights: Weights::of_step(H),
+        ..Evaluation::new(&state.x, &state.v, Weights::of_step(H))
     };
     let mut out = system.linearization();
     system.linearize(&at, &mut out);
@@ -61,6 +57,9 @@ fn solver(criterion: &mut Criterion) {
         group.bench_function(id("symbolic"), |bencher| {
             bencher.iter(|| analyze(Route::Double));
         });
+        let OffDiagonal::Symmetric(pairs) = matrix.off_diagonal() else {
+            panic!("springs have symmetric blocks");
+        };
         let mut routes = vec![(Route::Double, "double"), (Route::Auto, "automatic")];
         // Without fill there is only one route.
         if !scene.name.starts_with("chain") {
@@ -70,7 +69,7 @@ fn solver(criterion: &mut Criterion) {
             let mut solver = analyze(route);
             let take = |solver: &mut Solver| {
                 solver
-                    .set_matrix(matrix.diagonal(), matrix.off_diagonal())
+                    .set_matrix(matrix.diagonal(), pairs)
                     .expect("positive definite");
             };
             group.bench_function(id(&format!("matrix, {name}")), |bencher| {

@@ -10,7 +10,7 @@
 //! ```
 
 use nalgebra::DMatrix;
-use springs_assembly::{Evaluation, Projection, Weights, compile};
+use springs_assembly::{Evaluation, Weights, compile};
 use springs_scene::generate::{Material, chain};
 
 const SEGMENTS: usize = 50;
@@ -26,14 +26,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
 
     let system = compile(&scene)?;
-    let at = Evaluation {
-        x: system.initial_positions(),
-        v: system.initial_velocities(),
-        projection: Projection::None,
-        tensions: None,
-        dashpot_tension: false,
-        weights: Weights::STIFFNESS,
-    };
+    let (x, v) = (system.initial_positions(), system.initial_velocities());
+    let at = Evaluation::new(x, v, Weights::STIFFNESS);
     let mut out = system.linearization();
     system.linearize(&at, &mut out);
     let unbalanced = out.forces.iter().map(|f| f.norm()).fold(0.0, f64::max);

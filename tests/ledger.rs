@@ -96,7 +96,7 @@ fn an_unresolved_dashpot_turns_what_it_takes_into_heat() {
         scene.settings.duration = 1.0;
         for method in &METHODS[..5] {
             let simulation = run(&scene, *method, None, 0.1);
-            let heat = simulation.ledger().dashpot_heat;
+            let heat = simulation.ledger().heat.sum();
             let missing = 0.5 - simulation.energy().kinetic;
             // Rounding of the first kick, which gives velocities of up to ch/m.
             let rounding = 1e-9 + f64::EPSILON * (0.1 * damping).powi(2);
@@ -238,7 +238,7 @@ fn flows_converge_to_their_integrals_with_the_order_of_the_method() {
             let simulation = run(&scene, method, tangent, h);
             let ledger = simulation.ledger();
             [
-                (ledger.dashpot_heat - heat).abs(),
+                (ledger.heat.sum() - heat).abs(),
                 (ledger.anchor_work - work).abs(),
                 gain(&simulation).abs(),
             ]
@@ -289,7 +289,7 @@ fn what_joins_moving_anchors_is_booked_exactly() {
             let heat = expected_heat * scene.springs[0].damping / 3.0;
             let simulation = run(&scene, method, tangent, 0.5);
             let ledger = simulation.ledger();
-            assert!((ledger.dashpot_heat - heat).abs() < 1e-13, "{method}");
+            assert!((ledger.heat.sum() - heat).abs() < 1e-13, "{method}");
             assert!(
                 (ledger.anchor_work - expected - heat).abs() < 1e-12,
                 "{method}"
@@ -324,7 +324,7 @@ fn steps_that_were_rejected_are_not_booked() {
         let ledger = simulation.ledger();
         // Forces of up to some 100 N that are off by some 100 N/m times the error.
         let allowed = 1e3 * tolerance;
-        assert!((ledger.dashpot_heat - heat).abs() < allowed, "{method}");
+        assert!((ledger.heat.sum() - heat).abs() < allowed, "{method}");
         assert!((ledger.anchor_work - work).abs() < allowed, "{method}");
         assert!(gain(&simulation).abs() < allowed, "{method}");
     }

@@ -177,7 +177,7 @@ fn duplicate_springs() {
             let same = scene.add_spring(b, a, 20.0);
             scene.springs[same].rest_length = scene.springs[spring].rest_length;
         }
-        let n_merged = compile(&scene).unwrap().springs().n_merged();
+        let n_merged = compile(&scene).unwrap().n_merged();
         assert!(n_merged >= 6, "those of the same rest length: {n_merged}");
         check(&scene, 1e-11);
         let energy = |skip: bool| {

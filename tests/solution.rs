@@ -1,7 +1,7 @@
 //! Systems solved by iteration: as well as directly where that was asked for,
 //! and well enough for the method where not.
 
-use springs::assembly::{Evaluation, Projection, Weights, compile};
+use springs::assembly::{Evaluation, OffDiagonal, Projection, Weights, compile};
 use springs::scene::generate::{Material, block, cloth};
 use springs::scene::{Method, Node, Scene, Solution, StepControl, Vector3};
 use springs::solver::{Options, Solver};
@@ -44,16 +44,15 @@ fn factorized_at_every_step(scene: &Scene) -> Vec<Vector3<f64>> {
     for _ in 0..30 {
         for projection in [Projection::None, Projection::Clamp] {
             let at = Evaluation {
-                x: &x,
-                v: &v,
                 projection,
-                tensions: None,
-                dashpot_tension: false,
-                weights: Weights::of_step(H),
+                ..Evaluation::new(&x, &v, Weights::of_step(H))
             };
             system.linearize(&at, &mut out);
             let matrix = &out.matrix;
-            let done = solver.set_matrix(matrix.diagonal(), matrix.off_diagonal());
+            let OffDiagonal::Symmetric(pairs) = matrix.off_diagonal() else {
+                panic!("springs have symmetric blocks");
+            };
+            let done = solver.set_matrix(matrix.diagonal(), pairs);
             if done.is_ok() {
                 break;
             }

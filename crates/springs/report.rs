@@ -34,9 +34,9 @@ impl TurnedOver {
         let flows = [
             now.kinetic,
             start.kinetic,
-            now.elastic - start.elastic,
-            now.gravity - start.gravity,
-            account.ledger.dashpot_heat,
+            now.elastic() - start.elastic(),
+            now.gravity() - start.gravity(),
+            account.ledger.heat.sum(),
             account.ledger.anchor_work,
         ];
         self.0 = flows
@@ -186,7 +186,7 @@ fn energy(islands: &Islands, mut turned_over: TurnedOver) -> EnergyReport {
         start: energy_sum(&ledger.start),
         end: energy_sum(&end),
         anchor_work: ledger.anchor_work,
-        dashpot_heat: ledger.dashpot_heat,
+        dashpot_heat: ledger.heat.sum(),
         method_gain: ledger.method_gain(&end),
         turned_over: turned_over.0,
     }
@@ -195,8 +195,8 @@ fn energy(islands: &Islands, mut turned_over: TurnedOver) -> EnergyReport {
 pub(crate) fn energy_sum(energy: &Energy) -> EnergySum {
     EnergySum {
         kinetic: energy.kinetic,
-        elastic: energy.elastic,
-        gravity: energy.gravity,
+        elastic: energy.elastic(),
+        gravity: energy.gravity(),
         total: energy.total(),
     }
 }

@@ -106,7 +106,7 @@ impl Sinks {
             time: *time,
             energy: energy_sum(energy),
             anchor_work: ledger.anchor_work,
-            dashpot_heat: ledger.dashpot_heat,
+            dashpot_heat: ledger.heat.sum(),
             method_gain: ledger.method_gain(energy),
         };
         self.awaits_energies = false;

@@ -1,10 +1,13 @@
 //! From a scene to a system: everything that is decided once.
 
-use crate::batch::Connections;
 use crate::elements::{Element, PointMasses, SpringMasses};
-use crate::system::Batches;
-use crate::{BlockPattern, Dashpots, Gravity, Motion, Numbering, Springs, System};
-use springs_scene::{Problem, Scene};
+use crate::gravity::Gravity;
+use crate::system::Couplings;
+use crate::{
+    BlockPattern, Dashpots, Emitter, Lines, Motion, Numbering, SpringBetween, Springs, System,
+};
+use springs_math::spring;
+use springs_scene::{Problem, Scene, Spring};
 
 /// Why a scene has no system.
 #[derive(Clone, Debug, thiserror::Error)]
@@ -13,72 +16,203 @@ pub enum CompileError {
     /// The scene itself is wrong; the message is that of the first problem.
     #[error("{}", .0[0])]
     Problems(Vec<Problem>),
+    /// More emitters than [`Lines::MOST`].
+    #[error("there are {n_emitters} emitters; {most} are the most", most = Lines::MOST)]
+    TooManyEmitters {
+        /// How many there are.
+        n_emitters: usize,
+    },
 }
 
-/// Numbers the nodes, lumps the masses, batches the emitters and fixes the
-/// sparsity pattern.
+/// Numbers the nodes, lumps the masses, makes the emitters of springs, dashpots and
+/// gravity, and fixes the sparsity pattern.
 ///
 /// # Errors
 ///
 /// If the scene has problems: all of them.
 pub fn compile(scene: &Scene) -> Result<System, CompileError> {
+    compile_with(scene, Vec::new())
+}
+
+/// The same with more emitters, whose nodes are those of the scene.
+///
+/// # Errors
+///
+/// If the scene has problems, or there are too many emitters.
+///
+/// # Panics
+///
+/// If an emitter asks for a node that is not there.
+pub fn compile_with(scene: &Scene, others: Vec<Box<dyn Emitter>>) -> Result<System, CompileError> {
     let problems = scene.problems();
     if !problems.is_empty() {
         return Err(CompileError::Problems(problems));
     }
     let numbering = Numbering::new(scene.nodes.iter().map(|node| node.fixed));
     let masses = lump_mass(scene, &numbering);
-    let mut springs = Springs::new(scene, &numbering);
-    let mut dashpots = Dashpots::new(scene, &numbering);
+    let mut springs = springs_of(scene);
+    springs.number(&numbering);
+    if scene.settings.skip {
+        springs.find_isotropy();
+    }
+    let mut dashpots = dashpots_of(scene);
+    dashpots.number(&numbering);
     let gravity = Gravity::new(&scene.gravity, &masses);
-
-    let interior = |connections: &Connections| connections.ends()[connections.interior()].to_vec();
-    let triplets = [
-        interior(&springs.connections),
-        interior(&dashpots.connections),
-    ];
-    let (pattern, pairs) = BlockPattern::from_triplets(numbering.n_free(), &triplets.concat());
-    let (of_springs, of_dashpots) = pairs.split_at(triplets[0].len());
-    springs.connections.set_pairs(of_springs);
-    dashpots.connections.set_pairs(of_dashpots);
-
+    let mut emitters: Vec<Box<dyn Emitter>> =
+        vec![Box::new(springs), Box::new(gravity), Box::new(dashpots)];
+    for mut emitter in others {
+        emitter.number(&numbering);
+        emitters.push(emitter);
+    }
+    if emitters.len() > Lines::MOST {
+        return Err(CompileError::TooManyEmitters {
+            n_emitters: emitters.len(),
+        });
+    }
+    let (pattern, couplings) = place(&mut emitters, &numbering);
     let motion = if scene.settings.skip {
-        let connections = [&springs.connections, &dashpots.connections];
-        motion_of(scene, &numbering, connections)
+        motion_of(scene, &numbering, &emitters, &couplings)
     } else {
         Motion::Space
     };
-    let batches = Batches {
-        springs,
-        dashpots,
-        gravity,
-    };
+    let matrix = (pattern, couplings);
     Ok(System::new(
-        scene, numbering, masses, batches, pattern, motion,
+        scene, numbering, masses, emitters, matrix, motion,
     ))
 }
 
+/// The springs that have a stiffness; those of one rest length between the same two
+/// nodes are one, unless the scene says otherwise: K = ΣK. Their tensions are in
+/// proportion to their stiffnesses, so that this is exact with every projection.
+fn springs_of(scene: &Scene) -> Springs {
+    // Rest lengths are not negative, so their bits are in their order.
+    let firsts = firsts_of_pairs(scene, |spring| {
+        (spring.stiffness > 0.0).then_some((spring.rest_length + 0.0).to_bits())
+    });
+    let mut sums = vec![0.0; scene.springs.len()];
+    let mut n_merged = 0;
+    for (index, (spring, &first)) in scene.springs.iter().zip(&firsts).enumerate() {
+        sums[first] += spring.stiffness;
+        n_merged += usize::from(first != index);
+    }
+    let is_first =
+        |index: &usize| scene.springs[*index].stiffness > 0.0 && firsts[*index] == *index;
+    let index: Vec<usize> = (0..scene.springs.len()).filter(is_first).collect();
+    let springs = index.iter().map(|&index| SpringBetween {
+        nodes: scene.springs[index].nodes,
+        law: spring::Spring {
+            stiffness: sums[index],
+            rest_length: scene.springs[index].rest_length,
+        },
+    });
+    let springs: Vec<_> = springs.collect();
+    Springs::of_scene(&springs, index, n_merged)
+}
+
+/// The springs that have a damping; those between the same two nodes are one, unless
+/// the scene says otherwise: c = Σc.
+fn dashpots_of(scene: &Scene) -> Dashpots {
+    let firsts = firsts_of_pairs(scene, |spring| (spring.damping > 0.0).then_some(()));
+    let mut sums = vec![0.0; scene.springs.len()];
+    for (spring, &first) in scene.springs.iter().zip(&firsts) {
+        sums[first] += spring.damping;
+    }
+    let damped = scene.springs.iter().enumerate();
+    let damped = damped.filter(|(index, spring)| spring.damping > 0.0 && firsts[*index] == *index);
+    let dashpots: Vec<_> = damped
+        .map(|(index, spring)| (spring.nodes, sums[index]))
+        .collect();
+    Dashpots::new(&dashpots)
+}
+
+/// The first spring of those between the same nodes and with the same `trait_of`,
+/// for each spring; only among springs that have one, and itself where duplicates
+/// are not to be merged.
+fn firsts_of_pairs<T: Ord>(scene: &Scene, trait_of: impl Fn(&Spring) -> Option<T>) -> Vec<usize> {
+    let mut firsts: Vec<usize> = (0..scene.springs.len()).collect();
+    if !scene.settings.skip {
+        return firsts;
+    }
+    let springs = scene.springs.iter().enumerate();
+    let mut by_pair: Vec<([usize; 2], T, usize)> = springs
+        .filter_map(|(index, spring)| {
+            let [a, b] = spring.nodes;
+            Some(([a.min(b), a.max(b)], trait_of(spring)?, index))
+        })
+        .collect();
+    by_pair.sort_unstable();
+    for same in by_pair.chunk_by(|a, b| (a.0, &a.1) == (b.0, &b.1)) {
+        for &(_, _, index) in same {
+            firsts[index] = same[0].2;
+        }
+    }
+    firsts
+}
+
+/// Fixes the pattern of the matrix, tells every emitter its places there, and lists
+/// what is coupled.
+fn place(emitters: &mut [Box<dyn Emitter>], numbering: &Numbering) -> (BlockPattern, Couplings) {
+    let is_free = |block: u32| !numbering.is_fixed(block);
+    let mut triplets = Vec::new();
+    let mut ends = Vec::new();
+    let mut couplings = Couplings::default();
+    let mut is_coupled = vec![false; numbering.n_nodes()];
+    for emitter in &*emitters {
+        emitter.each_stencil(&mut |stencil| {
+            for (i, &a) in stencil.iter().enumerate() {
+                is_coupled[a as usize] = true;
+                for &b in &stencil[i + 1..] {
+                    match [is_free(a), is_free(b)] {
+                        [true, true] => triplets.push([a, b]),
+                        [true, false] => couplings.anchored.push([a, b]),
+                        [false, true] => couplings.anchored.push([b, a]),
+                        [false, false] => {}
+                    }
+                }
+            }
+        });
+        ends.push(triplets.len());
+    }
+    let blocks = (0u32..).zip(&is_coupled);
+    couplings.coupled = blocks
+        .filter_map(|(block, &is)| is.then_some(block))
+        .collect();
+    let (pattern, pairs) = BlockPattern::from_triplets(numbering.n_free(), &triplets);
+    let mut begin = 0;
+    for (emitter, end) in emitters.iter_mut().zip(ends) {
+        emitter.place(&pairs[begin..end]);
+        begin = end;
+    }
+    (pattern, couplings)
+}
+
 /// Where free nodes and the anchors they feel lie and move.
-fn motion_of(scene: &Scene, numbering: &Numbering, connections: [&Connections; 2]) -> Motion {
-    let live = || {
-        connections
-            .into_iter()
-            .flat_map(|connections| &connections.ends()[connections.live()])
-    };
+fn motion_of(
+    scene: &Scene,
+    numbering: &Numbering,
+    emitters: &[Box<dyn Emitter>],
+    couplings: &Couplings,
+) -> Motion {
+    if !emitters.iter().all(|emitter| emitter.nature().is_central) {
+        return Motion::Space;
+    }
     let n_free = numbering.n_free();
-    let ends = live().flatten().map(|&block| block as usize);
-    let mut blocks: Vec<usize> = ends.filter(|&block| block >= n_free).collect();
-    blocks.sort_unstable();
-    blocks.dedup();
+    let coupled = couplings.coupled.iter().map(|&block| block as usize);
+    let mut blocks: Vec<usize> = coupled.filter(|&block| block >= n_free).collect();
     blocks.extend(0..n_free);
     let node = |block: usize| &scene.nodes[numbering.node(block)];
     let positions: Vec<_> = blocks.iter().map(|&block| node(block).position).collect();
     let velocities: Vec<_> = blocks.iter().map(|&block| node(block).velocity).collect();
     let motion = Motion::of(&positions, &velocities, &scene.gravity);
-    let pushes_out = live().any(|ends| {
-        let [a, b] = ends.map(|block| node(block as usize).position);
-        motion.is_left_by(&(b - a))
-    });
+    let mut pushes_out = false;
+    for emitter in emitters {
+        emitter.each_stencil(&mut |stencil| {
+            if let &[a, b] = stencil {
+                let [a, b] = [a, b].map(|block| node(block as usize).position);
+                pushes_out |= motion.is_left_by(&(b - a));
+            }
+        });
+    }
     if pushes_out { Motion::Space } else { motion }
 }
 

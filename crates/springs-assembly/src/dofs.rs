@@ -42,6 +42,11 @@ impl Numbering {
         self.n_free
     }
 
+    /// Whether a block is that of a fixed node.
+    pub fn is_fixed(&self, block: u32) -> bool {
+        block as usize >= self.n_free
+    }
+
     /// Scene index of the node that is block `block`.
     ///
     /// # Panics

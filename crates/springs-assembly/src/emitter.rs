@@ -1,17 +1,63 @@
-//! Force emitters: what gives energy, force and force gradient.
+//! Emitters: what gives energy, force and force gradient.
 
-use crate::Linearization;
+use crate::{Linearization, Numbering};
 use nalgebra::Vector3;
 
-/// A batch of terms of one kind. Everything is added to what is there.
+/// A batch of terms of one kind: the only door to forces. Springs, dashpots and
+/// gravity come through it, and so does what somebody else writes; see
+/// [`Terms`](crate::Terms) for terms given by kernels alone.
 ///
-/// `x` and `v` hold all blocks, in m and m/s.
-pub trait ForceEmitter {
-    /// Potential energy, in J.
+/// `x` and `v` hold all blocks, in m and m/s; `forces` and the like only the free
+/// ones, and everything is added to what is there. A *stencil* is the list of
+/// blocks that one term depends on. What joins fixed blocks only has energy, and
+/// nothing else.
+pub trait Emitter: Send + Sync {
+    /// What its energy or heat is called in the energy ledger.
+    fn name(&self) -> &str;
+
+    /// What may be relied on.
+    fn nature(&self) -> Nature;
+
+    /// Takes note of which node is which block; called once, first.
+    fn number(&mut self, numbering: &Numbering);
+
+    /// Hands over the stencils with a free block, always in the same order.
+    fn each_stencil(&self, visit: &mut dyn FnMut(&[u32]));
+
+    /// Takes note of where its blocks are in the matrix: for every stencil in order,
+    /// and in it for every two free blocks (first and second, first and third, …),
+    /// the index of their pair in the pattern.
+    fn place(&mut self, pairs: &[u32]);
+
+    /// Potential energy, in J; zero if it has none.
     fn energy(&self, x: &[Vector3<f64>]) -> f64;
 
-    /// Adds the forces on the free blocks, in N.
-    fn add_forces(&self, x: &[Vector3<f64>], v: &[Vector3<f64>], forces: &mut [Vector3<f64>]);
+    /// The part of it, in J, that forces on free blocks come from.
+    fn energy_on_free_blocks(&self, x: &[Vector3<f64>]) -> f64 {
+        self.energy(x)
+    }
+
+    /// Adds the forces that do not depend on velocities, in N.
+    fn add_forces(&self, x: &[Vector3<f64>], forces: &mut [Vector3<f64>]);
+
+    /// Adds the forces that do, in N: those that damp.
+    fn add_damping_forces(
+        &self,
+        _x: &[Vector3<f64>],
+        _v: &[Vector3<f64>],
+        _forces: &mut [Vector3<f64>],
+    ) {
+    }
+
+    /// Adds the damping forces on the fixed blocks, in N; the first entry is that of
+    /// the first fixed block.
+    fn add_damping_reactions(
+        &self,
+        _x: &[Vector3<f64>],
+        _v: &[Vector3<f64>],
+        _reactions: &mut [Vector3<f64>],
+    ) {
+    }
 
     /// Adds forces that do not depend on velocities, `damping`·D and
     /// `stiffness`·H, and what anchors bring, in one pass.
@@ -20,9 +66,148 @@ pub trait ForceEmitter {
     fn linearize(&self, at: &Evaluation<'_>, out: &mut Linearization);
 
     /// Adds the products of `y` with what [`Self::linearize`] adds to the matrix,
-    /// term by term: differences of `y` come first, so that uniform motion gives
-    /// exactly nothing, however stiff the terms.
+    /// term by term: differences of `y` come first where terms depend on differences
+    /// of positions, so that uniform motion gives exactly nothing, however stiff
+    /// they are.
     fn add_products(&self, at: &Evaluation<'_>, y: &[Vector3<f64>], products: &mut [Vector3<f64>]);
+
+    /// Adds to every free block half of a bound, in N/m, on the eigenvalues of the
+    /// Hessians of its terms at any positions; infinite if there is none. A spring
+    /// adds its stiffness to both ends.
+    fn add_stiffness_bounds(&self, bounds: &mut [f64]);
+
+    /// The same, in N·s/m, of D.
+    fn add_damping_bounds(&self, _bounds: &mut [f64]) {}
+
+    /// Heat that damping forces produce, in W.
+    fn dissipation(&self, _x: &[Vector3<f64>], _v: &[Vector3<f64>]) -> f64 {
+        0.0
+    }
+
+    /// Power, in W, that moving anchors give against its forces on them that do not
+    /// depend on velocities: −Σ f·v over the fixed blocks.
+    fn anchor_power(&self, _x: &[Vector3<f64>], _v: &[Vector3<f64>]) -> f64 {
+        0.0
+    }
+
+    /// The same against its damping forces.
+    fn damping_anchor_power(&self, _x: &[Vector3<f64>], _v: &[Vector3<f64>]) -> f64 {
+        0.0
+    }
+
+    /// What [`Self::anchor_power`] changes by, in W, when all blocks move on by `y`,
+    /// in m, and forces change as linearized at `at`, without its damping:
+    /// Σ v·(`stiffness`·H y) over the fixed blocks.
+    fn anchor_power_change(&self, _at: &Evaluation<'_>, _y: &[Vector3<f64>]) -> f64 {
+        0.0
+    }
+
+    /// Work that anchors do between each other, and the heat that becomes of it, when
+    /// they go from `start` to `end` at constant velocities in a time `h`, in s.
+    fn between_fixed(
+        &self,
+        _start: &[Vector3<f64>],
+        _end: &[Vector3<f64>],
+        _h: f64,
+    ) -> BetweenFixed {
+        BetweenFixed::default()
+    }
+
+    /// How many numbers a method may carry from step to step for it, such as a tension
+    /// of each spring, which stand for the present ones in its Hessian.
+    fn n_carried(&self) -> usize {
+        0
+    }
+
+    /// These numbers at `x`.
+    fn carried(&self, _x: &[Vector3<f64>], _carried: &mut [f64]) {}
+
+    /// These numbers as predicted for positions x + h·v, to first order in h.
+    fn predict_carried(
+        &self,
+        _x: &[Vector3<f64>],
+        _v: &[Vector3<f64>],
+        _h: f64,
+        _carried: &mut [f64],
+    ) {
+    }
+
+    /// How many terms a projection makes a difference to.
+    fn count_projected(&self, _at: &Evaluation<'_>) -> usize {
+        0
+    }
+
+    /// The energy, in J, of terms that are strained by more than a part `strain`;
+    /// all of it where that has no meaning.
+    fn energy_beyond(&self, _strain: f64, x: &[Vector3<f64>]) -> f64 {
+        self.energy(x)
+    }
+
+    /// The energy, in J, that rounding of coordinates is good for.
+    fn energy_of_rounding(&self, _x: &[Vector3<f64>]) -> f64 {
+        0.0
+    }
+
+    /// The spring that pulls or pushes most at a block; what is not a number pulls
+    /// most.
+    fn most_strained_at(&self, _block: usize, _x: &[Vector3<f64>]) -> Option<Strained> {
+        None
+    }
+}
+
+/// What may be relied on of an emitter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Nature {
+    /// Number of terms that have a stencil.
+    pub n_terms: usize,
+    /// How many terms of the scene became part of others.
+    pub n_merged: usize,
+    /// Of its Hessian.
+    pub stiffness: StiffnessKind,
+    /// Whether its forces on free blocks are the same everywhere and always.
+    pub is_constant: bool,
+    /// Whether it has forces that depend on velocities.
+    pub is_damped: bool,
+    /// Whether terms join two blocks each and act along the line between them, or
+    /// equally in all directions. Then they keep motion in a plane or on a line, and
+    /// blocks off the diagonal are symmetric.
+    pub is_central: bool,
+}
+
+/// What a Hessian is like.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StiffnessKind {
+    /// Zero.
+    None,
+    /// Multiples of the identity that never change.
+    Isotropic,
+    /// As far as it is along a line that all motion stays on, with
+    /// [`Projection::Drop`], it never changes.
+    ConstantAlongLines,
+    /// Any.
+    Variable,
+}
+
+/// What passes between fixed blocks, in J.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct BetweenFixed {
+    /// Work of the anchors.
+    pub work: f64,
+    /// Heat, which is part of it.
+    pub heat: f64,
+}
+
+/// A spring under tension or pressure.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Strained {
+    /// Its index in the scene.
+    pub spring: usize,
+    /// Its tension, in N.
+    pub tension: f64,
+    /// Its length, in m.
+    pub length: f64,
+    /// Its stiffness, in N/m.
+    pub stiffness: f64,
 }
 
 /// Where and how a system is linearized.
@@ -31,19 +216,49 @@ pub struct Evaluation<'a> {
     /// Positions of all blocks, in m.
     pub x: &'a [Vector3<f64>],
     /// Velocities of all blocks, in m/s. Those of fixed blocks give the anchor
-    /// load; those of free ones enter only with `dashpot_tension`.
+    /// load; those of free ones enter only with `velocity_stiffness`.
     pub v: &'a [Vector3<f64>],
-    /// What becomes of the across stiffness.
+    /// What becomes of negative eigenvalues of terms.
     pub projection: Projection,
-    /// Tensions of the springs of [`crate::System::springs`], in N, that the
-    /// across stiffness T/l is taken from; `None`: their own K(l − l₀).
-    pub tensions: Option<&'a [f64]>,
-    /// Whether H has the across stiffness c(w·u)/l of dashpots that are being
-    /// stretched, the symmetric part of what their forces change by when they
-    /// turn (see `springs_math::dashpot::position_block`).
-    pub dashpot_tension: bool,
+    /// For every free block, whether terms that touch it are projected; `None`: all
+    /// are.
+    pub projected: Option<&'a [bool]>,
+    /// What a method [carries along](Emitter::n_carried), that the Hessian is taken
+    /// with: tensions in N, whose T/l is the across stiffness; `None`: the present
+    /// values.
+    pub carried: Option<&'a [f64]>,
+    /// Whether H has the positive semidefinite part of what damping forces change by
+    /// with positions, such as the across stiffness c(w·u)/l of dashpots that are being
+    /// stretched (see `springs_math::dashpot::position_block`).
+    pub velocity_stiffness: bool,
     /// What the matrix is made of.
     pub weights: Weights,
+}
+
+impl<'a> Evaluation<'a> {
+    /// The Hessian as it is, with everything at its present values.
+    pub fn new(x: &'a [Vector3<f64>], v: &'a [Vector3<f64>], weights: Weights) -> Self {
+        Self {
+            x,
+            v,
+            projection: Projection::None,
+            projected: None,
+            carried: None,
+            velocity_stiffness: false,
+            weights,
+        }
+    }
+
+    /// What becomes of negative eigenvalues of a term that touches these free
+    /// blocks.
+    pub fn projection_at(&self, free_blocks: &[u32]) -> Projection {
+        match self.projected {
+            Some(projected) if !free_blocks.iter().any(|&b| projected[b as usize]) => {
+                Projection::None
+            }
+            _ => self.projection,
+        }
+    }
 }
 
 /// Coefficients of a system matrix `mass`·M + `damping`·D + `stiffness`·H.
@@ -65,6 +280,15 @@ impl Weights {
         stiffness: 1.0,
     };
 
+    /// D alone, in N·s/m, times `damping`.
+    pub fn of_damping(damping: f64) -> Self {
+        Self {
+            mass: 0.0,
+            damping,
+            stiffness: 0.0,
+        }
+    }
+
     /// M + hD + h²H, in kg, of a step of size h in s.
     pub fn of_step(h: f64) -> Self {
         Self {
@@ -75,16 +299,18 @@ impl Weights {
     }
 }
 
-/// What the matrix takes for the stiffness T/l of a spring across itself.
+/// What the matrix takes for negative eigenvalues of a term: for the stiffness T/l of
+/// a spring across itself, if it is compressed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Projection {
-    /// T/l: the matrix is exact, and indefinite where springs are compressed.
+    /// Themselves: the matrix is exact, and may be indefinite.
     None,
-    /// max(T/l, 0): positive semidefinite.
+    /// Zero: positive semidefinite.
     Clamp,
-    /// |T/l|: positive semidefinite.
+    /// Their magnitudes: positive semidefinite.
     Absolute,
-    /// 0: positive semidefinite.
+    /// Zero, and for springs positive stiffness across as well: positive
+    /// semidefinite.
     Drop,
 }
 

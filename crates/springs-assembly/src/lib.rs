@@ -7,54 +7,53 @@
 //!
 //! The three concepts of the note's section 2 are three modules: degrees of
 //! freedom ([`Numbering`]), elements that carry mass ([`Element`]), and force
-//! emitters with their gradient ([`ForceEmitter`]: [`Springs`], [`Dashpots`],
-//! [`Gravity`]).
+//! emitters with their gradient ([`Emitter`]: [`Springs`], [`Dashpots`], gravity,
+//! and whatever [`Terms`] somebody writes, see [`compile_with`]).
 //!
 //! Global vectors are slices of one `Vector3` per node in compiled order; a
 //! node in that order is a *block*. Unknowns are the free blocks, a prefix.
 //! f = −∂V/∂x and H = +∂²V/∂x².
 //!
 //! ```
-//! use springs_assembly::{Evaluation, Projection, Weights, compile};
+//! use springs_assembly::{Evaluation, Weights, compile};
 //! use springs_scene::generate::{Material, chain};
 //!
 //! let system = compile(&chain(3, Material::of_chain(3)))?;
 //! assert_eq!(system.n_free(), 3);
 //!
 //! let mut linearization = system.linearization();
-//! let at = Evaluation {
-//!     x: system.initial_positions(),
-//!     v: system.initial_velocities(),
-//!     projection: Projection::None,
-//!     tensions: None,
-//!     dashpot_tension: false,
-//!     weights: Weights::STIFFNESS,
-//! };
+//! let (x, v) = (system.initial_positions(), system.initial_velocities());
+//! let at = Evaluation::new(x, v, Weights::STIFFNESS);
 //! system.linearize(&at, &mut linearization);
 //! let stiffness: Vec<(usize, usize, f64)> = linearization.matrix.triplets().collect();
 //! assert!(stiffness.contains(&(0, 0, 6e4)));
 //! # Ok::<(), springs_assembly::CompileError>(())
 //! ```
 
-mod batch;
 mod compile;
+mod connections;
 mod dashpots;
 mod dofs;
 mod elements;
 mod emitter;
+mod energy;
 mod gravity;
 mod matrix;
 mod motion;
 mod springs;
 mod system;
+mod terms;
 
-pub use compile::{CompileError, compile};
+pub use compile::{CompileError, compile, compile_with};
 pub use dashpots::Dashpots;
 pub use dofs::Numbering;
 pub use elements::{Element, PointMasses, SpringMasses};
-pub use emitter::{Evaluation, ForceEmitter, Projection, Weights};
-pub use gravity::Gravity;
-pub use matrix::{BlockMatrix, BlockPattern, PACKED};
+pub use emitter::{
+    BetweenFixed, Emitter, Evaluation, Nature, Projection, StiffnessKind, Strained, Weights,
+};
+pub use energy::{Energy, Lines};
+pub use matrix::{BlockMatrix, BlockPattern, OffDiagonal, PACKED};
 pub use motion::Motion;
-pub use springs::Springs;
-pub use system::{Energy, Linearization, System, machine_threads};
+pub use springs::{SpringBetween, Springs};
+pub use system::{Linearization, System, machine_threads};
+pub use terms::{Term, Terms};

@@ -1,6 +1,6 @@
 //! The sparse triplet system: symmetric 3 × 3 blocks on a pattern fixed once.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use std::sync::Arc;
 
 /// Row and column of each stored entry of a symmetric 3 × 3 block.
@@ -48,23 +48,88 @@ impl BlockPattern {
     }
 }
 
-/// Values on a [`BlockPattern`]: symmetric blocks, six entries each in the
-/// order of [`PACKED`].
-///
-/// Off-diagonal blocks are symmetric too, because every term acts along or
-/// across the line between two nodes; so block (i, j) also stands at (j, i).
+/// Values on a [`BlockPattern`]. Diagonal blocks are symmetric, six entries each in
+/// the order of [`PACKED`].
 #[derive(Clone, Debug)]
 pub struct BlockMatrix {
     pattern: Arc<BlockPattern>,
-    diagonal: Vec<[f64; 6]>,
-    off_diagonal: Vec<[f64; 6]>,
+    pub(crate) diagonal: Vec<[f64; 6]>,
+    pub(crate) off_diagonal: OffDiagonal,
+}
+
+/// The blocks off the diagonal, one per pair (a, b) of the pattern: block (a, b),
+/// whose transpose is block (b, a).
+#[derive(Clone, Debug)]
+pub enum OffDiagonal {
+    /// Symmetric themselves, because every term acts along or across the line
+    /// between two nodes: packed like those on the diagonal.
+    Symmetric(Vec<[f64; 6]>),
+    /// Any, row by row.
+    General(Vec<[f64; 9]>),
+}
+
+impl OffDiagonal {
+    /// So many blocks of zeros.
+    pub fn zeros(n_pairs: usize, is_symmetric: bool) -> Self {
+        if is_symmetric {
+            Self::Symmetric(vec![[0.0; 6]; n_pairs])
+        } else {
+            Self::General(vec![[0.0; 9]; n_pairs])
+        }
+    }
+
+    /// Takes the blocks of some of the pairs of another list of the same kind.
+    ///
+    /// # Panics
+    ///
+    /// If that is of the other kind, or has no such pair.
+    pub fn take(&mut self, from: &Self, pairs: &[u32]) {
+        fn take<B: Copy>(into: &mut [B], from: &[B], pairs: &[u32]) {
+            for (block, &pair) in into.iter_mut().zip(pairs) {
+                *block = from[pair as usize];
+            }
+        }
+        match (self, from) {
+            (Self::Symmetric(into), Self::Symmetric(from)) => take(into, from, pairs),
+            (Self::General(into), Self::General(from)) => take(into, from, pairs),
+            _ => panic!("blocks of one kind"),
+        }
+    }
+}
+
+/// Blocks off the diagonal that symmetric ones can be added to.
+pub(crate) trait PairBlocks {
+    /// Subtracts a packed block at both places of a pair.
+    fn subtract_symmetric(&mut self, pair: u32, block: &[f64; 6]);
+}
+
+impl PairBlocks for Vec<[f64; 6]> {
+    #[inline(always)]
+    fn subtract_symmetric(&mut self, pair: u32, block: &[f64; 6]) {
+        for (entry, value) in self[pair as usize].iter_mut().zip(block) {
+            *entry -= value;
+        }
+    }
+}
+
+impl PairBlocks for Vec<[f64; 9]> {
+    #[inline(always)]
+    fn subtract_symmetric(&mut self, pair: u32, block: &[f64; 6]) {
+        for (entry, packed) in self[pair as usize]
+            .iter_mut()
+            .zip([0, 1, 2, 1, 3, 4, 2, 4, 5])
+        {
+            *entry -= block[packed];
+        }
+    }
 }
 
 impl BlockMatrix {
-    pub(crate) fn zeros(pattern: Arc<BlockPattern>) -> Self {
+    pub(crate) fn zeros(pattern: Arc<BlockPattern>, is_symmetric: bool) -> Self {
+        let n_pairs = pattern.pairs.len();
         Self {
             diagonal: vec![[0.0; 6]; pattern.n_blocks],
-            off_diagonal: vec![[0.0; 6]; pattern.pairs.len()],
+            off_diagonal: OffDiagonal::zeros(n_pairs, is_symmetric),
             pattern,
         }
     }
@@ -80,7 +145,7 @@ impl BlockMatrix {
     }
 
     /// The off-diagonal blocks, one per pair of the pattern.
-    pub fn off_diagonal(&self) -> &[[f64; 6]] {
+    pub fn off_diagonal(&self) -> &OffDiagonal {
         &self.off_diagonal
     }
 
@@ -90,21 +155,55 @@ impl BlockMatrix {
             let m = weight * mass;
             *block = [m, 0.0, 0.0, m, 0.0, m];
         }
-        self.off_diagonal.fill([0.0; 6]);
+        match &mut self.off_diagonal {
+            OffDiagonal::Symmetric(blocks) => blocks.fill([0.0; 6]),
+            OffDiagonal::General(blocks) => blocks.fill([0.0; 9]),
+        }
     }
 
-    /// Adds `block` at (row, row).
-    #[inline(always)]
-    pub(crate) fn add_diagonal(&mut self, row: u32, block: &[f64; 6]) {
-        add(&mut self.diagonal[row as usize], block);
+    /// Adds a symmetric block, of which the upper triangle counts, at (row, row).
+    ///
+    /// # Panics
+    ///
+    /// If there is no such row.
+    pub fn add_diagonal(&mut self, row: u32, block: &Matrix3<f64>) {
+        add(
+            &mut self.diagonal[row as usize],
+            &PACKED.map(|entry| block[entry]),
+        );
     }
 
-    /// Subtracts `block` at both places of a pair.
-    #[inline(always)]
-    pub(crate) fn subtract_pair(&mut self, pair: u32, block: &[f64; 6]) {
-        let target = &mut self.off_diagonal[pair as usize];
-        for (entry, value) in target.iter_mut().zip(block) {
-            *entry -= value;
+    /// Adds a block at (`row`, the other block of the pair), and its transpose there.
+    /// Where blocks are symmetric, its upper triangle counts.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such pair.
+    pub fn add_off_diagonal(&mut self, pair: u32, row: u32, block: &Matrix3<f64>) {
+        let is_turned = self.pattern.pairs[pair as usize][0] != row;
+        match &mut self.off_diagonal {
+            OffDiagonal::Symmetric(blocks) => {
+                add(
+                    &mut blocks[pair as usize],
+                    &PACKED.map(|entry| block[entry]),
+                );
+            }
+            OffDiagonal::General(blocks) => {
+                let turned = if is_turned { block.transpose() } else { *block };
+                // Columns of the transpose are rows.
+                let rows = turned.transpose();
+                for (entry, value) in blocks[pair as usize].iter_mut().zip(rows.as_slice()) {
+                    *entry += value;
+                }
+            }
+        }
+    }
+
+    /// Block (a, b) of a pair (a, b), row by row.
+    fn whole(&self, pair: usize) -> [f64; 9] {
+        match &self.off_diagonal {
+            OffDiagonal::Symmetric(blocks) => unpacked(&blocks[pair]),
+            OffDiagonal::General(blocks) => blocks[pair],
         }
     }
 
@@ -112,11 +211,12 @@ impl BlockMatrix {
     /// triangles, diagonal included, each position once.
     pub fn triplets(&self) -> impl Iterator<Item = (usize, usize, f64)> + '_ {
         let diagonal = self.diagonal.iter().enumerate();
-        let diagonal = diagonal.flat_map(|(block, values)| scalars(block, block, values));
-        let pairs = self.pattern.pairs.iter().zip(&self.off_diagonal);
-        let off_diagonal = pairs.flat_map(|(pair, values)| {
-            let [a, b] = pair.map(|block| block as usize);
-            scalars(a, b, values).chain(scalars(b, a, values))
+        let diagonal = diagonal.flat_map(|(block, values)| scalars(block, block, unpacked(values)));
+        let pairs = self.pattern.pairs.iter().enumerate();
+        let off_diagonal = pairs.flat_map(|(pair, ends)| {
+            let [a, b] = ends.map(|block| block as usize);
+            let block = self.whole(pair);
+            scalars(a, b, block).chain(scalars(b, a, transposed(block)))
         });
         diagonal.chain(off_diagonal)
     }
@@ -132,10 +232,11 @@ impl BlockMatrix {
         for ((y, x), block) in y.iter_mut().zip(x).zip(&self.diagonal) {
             *y = times(block, x);
         }
-        for (pair, block) in self.pattern.pairs.iter().zip(&self.off_diagonal) {
-            let [a, b] = pair.map(|block| block as usize);
-            y[a] += times(block, &x[b]);
-            y[b] += times(block, &x[a]);
+        for (pair, ends) in self.pattern.pairs.iter().enumerate() {
+            let [a, b] = ends.map(|block| block as usize);
+            let block = Matrix3::from_row_slice(&self.whole(pair));
+            y[a] += block * x[b];
+            y[b] += block.tr_mul(&x[a]);
         }
     }
 }
@@ -151,27 +252,31 @@ pub(crate) fn times(b: &[f64; 6], x: &Vector3<f64>) -> Vector3<f64> {
 }
 
 #[inline(always)]
-fn add(target: &mut [f64; 6], block: &[f64; 6]) {
+pub(crate) fn add(target: &mut [f64; 6], block: &[f64; 6]) {
     for (entry, value) in target.iter_mut().zip(block) {
         *entry += value;
     }
+}
+
+/// A packed symmetric block row by row.
+fn unpacked(b: &[f64; 6]) -> [f64; 9] {
+    [0, 1, 2, 1, 3, 4, 2, 4, 5].map(|packed| b[packed])
+}
+
+fn transposed(b: [f64; 9]) -> [f64; 9] {
+    [0, 3, 6, 1, 4, 7, 2, 5, 8].map(|entry| b[entry])
 }
 
 /// The nine scalars of the block at (row, column).
 fn scalars(
     row: usize,
     column: usize,
-    values: &[f64; 6],
+    block: [f64; 9],
 ) -> impl Iterator<Item = (usize, usize, f64)> {
-    let values = *values;
-    PACKED
+    block
         .into_iter()
-        .zip(values)
-        .flat_map(move |((r, c), value)| {
-            let upper = (3 * row + r, 3 * column + c, value);
-            let lower = (3 * row + c, 3 * column + r, value);
-            std::iter::once(upper).chain((r != c).then_some(lower))
-        })
+        .enumerate()
+        .map(move |(k, value)| (3 * row + k / 3, 3 * column + k % 3, value))
 }
 
 #[cfg(test)]
@@ -189,11 +294,28 @@ mod tests {
     #[test]
     fn product_equals_the_dense_product_of_the_triplets() {
         let (pattern, pairs) = BlockPattern::from_triplets(3, &[[0, 1], [2, 1]]);
-        let mut matrix = BlockMatrix::zeros(Arc::new(pattern));
+        for is_symmetric in [true, false] {
+            product_equals(
+                BlockMatrix::zeros(Arc::new(pattern.clone()), is_symmetric),
+                &pairs,
+            );
+        }
+    }
+
+    fn product_equals(mut matrix: BlockMatrix, pairs: &[u32]) {
         matrix.set_mass(2.0, &[1.0, 2.0, 3.0]);
-        matrix.add_diagonal(1, &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
-        matrix.subtract_pair(pairs[0], &[0.1, 0.2, 0.3, 0.4, 0.5, 0.6]);
-        matrix.subtract_pair(pairs[1], &[7.0, 0.0, 1.0, 2.0, 0.0, 3.0]);
+        let symmetric = Matrix3::new(1.0, 2.0, 3.0, 2.0, 4.0, 5.0, 3.0, 5.0, 6.0);
+        matrix.add_diagonal(1, &symmetric);
+        matrix.add_off_diagonal(pairs[0], 0, &(symmetric * -0.1));
+        if let OffDiagonal::General(_) = matrix.off_diagonal() {
+            let any = Matrix3::new(7.0, 0.0, 1.0, 2.0, 0.0, 3.0, -4.0, 5.0, -6.0);
+            // The pair is stored as (1, 2).
+            matrix.add_off_diagonal(pairs[1], 2, &any);
+            let there = matrix
+                .triplets()
+                .find(|(row, column, _)| (*row, *column) == (6, 5));
+            assert_eq!(there, Some((6, 5, 1.0)));
+        }
         let mut dense = DMatrix::zeros(9, 9);
         for (row, column, value) in matrix.triplets() {
             assert_eq!(dense[(row, column)], 0.0, "each position once");

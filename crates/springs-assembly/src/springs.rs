@@ -1,279 +1,297 @@
-//! Springs as force emitters.
+//! Springs as emitters.
 
-use crate::batch::{Connections, firsts_of_pairs};
-use crate::matrix::times;
-use crate::{Evaluation, ForceEmitter, Linearization, Numbering, Projection};
+use crate::connections::Connections;
+use crate::matrix::{OffDiagonal, PairBlocks, times};
+use crate::{
+    BetweenFixed, Emitter, Evaluation, Linearization, Nature, Numbering, Projection, StiffnessKind,
+    Strained,
+};
 use nalgebra::Vector3;
-use springs_math::{Separation, spring};
-use springs_scene::{Scene, Spring};
+use springs_math::Separation;
+use springs_math::spring::{self, LengthLaw, Spring};
 
 /// The packed identity.
 const IDENTITY: [f64; 6] = [1.0, 0.0, 0.0, 1.0, 0.0, 1.0];
 
-/// All springs that have a stiffness; those of one rest length between the same
-/// two nodes are one, unless the scene says otherwise: K = ΣK. Their tensions are
-/// in proportion to their stiffnesses, so that this is exact with every
-/// [`Projection`].
+/// Springs between two nodes each, with laws of one kind. Each carries its tension
+/// along where a method wants it.
 #[derive(Clone, Debug)]
-pub struct Springs {
-    pub(crate) connections: Connections,
-    stiffness: Vec<f64>,
-    rest_length: Vec<f64>,
-    scene_index: Vec<usize>,
-    /// Springs that became part of another one between the same nodes.
+pub struct Springs<L = Spring> {
+    name: String,
+    connections: Connections,
+    laws: Vec<L>,
+    /// Index of each in the list that they were made from.
+    index: Vec<usize>,
     n_merged: usize,
-    /// Whether the Hessian of every spring with a free end is K·I: all their rest
-    /// lengths are zero.
-    is_isotropic: bool,
+    stiffness: StiffnessKind,
 }
 
-impl Springs {
-    pub(crate) fn new(scene: &Scene, numbering: &Numbering) -> Self {
-        let is_stiff = |spring: &Spring| spring.stiffness > 0.0;
-        // Rest lengths are not negative, so their bits are in their order.
-        let firsts = firsts_of_pairs(scene, |spring| {
-            is_stiff(spring).then_some((spring.rest_length + 0.0).to_bits())
-        });
-        let mut sums = vec![0.0; scene.springs.len()];
-        let mut n_merged = 0;
-        for (index, (spring, &first)) in scene.springs.iter().zip(&firsts).enumerate() {
-            sums[first] += spring.stiffness;
-            n_merged += usize::from(first != index);
-        }
-        let (connections, order) = Connections::new(scene, numbering, |index| {
-            is_stiff(&scene.springs[index]) && firsts[index] == index
-        });
-        let rest_length = |&index: &usize| scene.springs[index].rest_length;
-        let mut springs = Self {
-            n_merged,
-            connections,
-            stiffness: order.iter().map(|&index| sums[index]).collect(),
-            rest_length: order.iter().map(rest_length).collect(),
-            scene_index: order,
-            is_isotropic: false,
-        };
-        let mut live = springs.connections.live();
-        springs.is_isotropic =
-            scene.settings.skip && live.all(|index| springs.rest_length[index] == 0.0);
-        springs
-    }
+/// A spring between two nodes of a scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SpringBetween<L> {
+    /// The nodes.
+    pub nodes: [usize; 2],
+    /// Its law.
+    pub law: L,
+}
 
-    pub(crate) fn is_isotropic(&self) -> bool {
-        self.is_isotropic
-    }
-
-    /// How many springs became part of another one between the same nodes.
-    pub fn n_merged(&self) -> usize {
-        self.n_merged
-    }
-
-    /// Number of springs in the batch.
-    pub fn len(&self) -> usize {
-        self.connections.len()
-    }
-
-    /// Whether there is none.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
-    /// Index in the scene of the spring at `index` of the batch.
-    ///
-    /// # Panics
-    ///
-    /// If there is no such spring.
-    pub fn scene_index(&self, index: usize) -> usize {
-        self.scene_index[index]
-    }
-
-    /// The free block at an end of the spring at `index` of the batch; the first,
-    /// if both are free.
-    ///
-    /// # Panics
-    ///
-    /// If there is no such spring.
-    pub fn free_block(&self, index: usize) -> Option<usize> {
-        let first = self.connections.ends()[index][0] as usize;
-        self.connections.live().contains(&index).then_some(first)
-    }
-
-    fn material(&self, index: usize) -> spring::Spring {
-        spring::Spring {
-            stiffness: self.stiffness[index],
-            rest_length: self.rest_length[index],
+impl<L: LengthLaw> Springs<L> {
+    /// Springs with laws of any kind; `name` is their line in the energy ledger.
+    pub fn new(name: &str, springs: &[SpringBetween<L>]) -> Self {
+        Self {
+            name: name.to_owned(),
+            connections: Connections::between(springs.iter().map(|spring| spring.nodes)),
+            laws: springs.iter().map(|spring| spring.law).collect(),
+            index: (0..springs.len()).collect(),
+            n_merged: 0,
+            stiffness: StiffnessKind::Variable,
         }
     }
 
-    /// T = K(l − l₀) of one spring and its length, in N and m.
+    /// Number of springs.
+    fn len(&self) -> usize {
+        self.laws.len()
+    }
+
+    /// Tension and length of a spring, in N and m.
     #[inline(always)]
     fn tension_and_length(&self, index: usize, x: &[Vector3<f64>]) -> (f64, f64) {
         let length = Separation::of(&self.connections.difference(index, x)).length;
-        (spring::tension(self.material(index), length), length)
-    }
-
-    fn linearize_with(
-        &self,
-        project: impl Fn(f64) -> f64 + Copy,
-        at: &Evaluation<'_>,
-        out: &mut Linearization,
-    ) {
-        let weight = at.weights.stiffness;
-        for index in self.connections.live() {
-            let dx = self.connections.difference(index, at.x);
-            let (force, block) = spring::linearize(
-                self.material(index),
-                at.tensions.map(|tensions| tensions[index]),
-                &dx,
-                project,
-            );
-            let block = block.map(|entry| weight * entry);
-            self.add_linearized(index, force, &block, at, out);
-        }
-    }
-
-    /// Forces, and the block K·I of every spring, whatever its state.
-    fn linearize_isotropic(&self, at: &Evaluation<'_>, out: &mut Linearization) {
-        let weight = at.weights.stiffness;
-        for index in self.connections.live() {
-            let force = self.force(index, at.x);
-            let stiffness = weight * self.stiffness[index];
-            let block = IDENTITY.map(|entry| stiffness * entry);
-            self.add_linearized(index, force, &block, at, out);
-        }
-    }
-
-    #[inline(always)]
-    fn add_linearized(
-        &self,
-        index: usize,
-        force: Vector3<f64>,
-        block: &[f64; 6],
-        at: &Evaluation<'_>,
-        out: &mut Linearization,
-    ) {
-        self.connections.add_force(index, force, &mut out.forces);
-        match index < self.connections.interior().end {
-            true => self.connections.add_block(index, block, &mut out.matrix),
-            false => self.connections.add_anchored_block(index, block, at.v, out),
-        }
+        (self.laws[index].tension(length), length)
     }
 
     /// The force on the first end.
     #[inline(always)]
     fn force(&self, index: usize, x: &[Vector3<f64>]) -> Vector3<f64> {
         let dx = self.connections.difference(index, x);
-        if self.is_isotropic {
-            dx * self.stiffness[index]
+        if self.stiffness == StiffnessKind::Isotropic {
+            dx * self.laws[index].largest_stiffness()
         } else {
-            spring::force(self.material(index), &Vector3::zeros(), &dx)
+            spring::force(self.laws[index], &Vector3::zeros(), &dx)
         }
     }
 
-    /// T = K(l − l₀) of every spring with a free end, in N; zero for the rest.
-    ///
-    /// # Panics
-    ///
-    /// If `tensions` does not have one entry per spring of the batch.
-    pub fn tensions(&self, x: &[Vector3<f64>], tensions: &mut [f64]) {
-        assert_eq!(tensions.len(), self.len(), "one entry per spring");
-        for index in self.connections.live() {
-            tensions[index] = self.tension_and_length(index, x).0;
-        }
+    fn energy_of(&self, index: usize, x: &[Vector3<f64>]) -> f64 {
+        self.laws[index].energy(Separation::of(&self.connections.difference(index, x)).length)
     }
 
-    /// The tensions predicted for positions x + h·v, in N: T = K(l − l₀) at `x`
-    /// plus K times the linear change of the length.
-    ///
-    /// # Panics
-    ///
-    /// If `tensions` does not have one entry per spring of the batch.
-    pub fn predict_tensions(
+    /// The block of a spring as linearized at `at`, without weight.
+    fn block(&self, index: usize, at: &Evaluation<'_>) -> [f64; 6] {
+        let dx = self.connections.difference(index, at.x);
+        let given = at.carried.map(|tensions| tensions[index]);
+        let projection = at.projection_at(self.connections.free_ends(index));
+        spring::linearize(self.laws[index], given, &dx, |across| {
+            projection.apply(across)
+        })
+        .1
+    }
+
+    fn linearize_into<P: PairBlocks>(
         &self,
-        x: &[Vector3<f64>],
-        v: &[Vector3<f64>],
-        h: f64,
-        tensions: &mut [f64],
+        at: &Evaluation<'_>,
+        out: (&mut [Vector3<f64>], &mut [[f64; 6]], &mut [Vector3<f64>]),
+        pairs: &mut P,
     ) {
-        self.tensions(x, tensions);
-        for (index, tension) in tensions
-            .iter_mut()
-            .enumerate()
-            .take(self.connections.live().end)
-        {
-            let u = Separation::of(&self.connections.difference(index, x)).direction;
-            let change = h * u.dot(&self.connections.difference(index, v));
-            *tension += self.stiffness[index] * change;
+        let mut sum = Sums {
+            forces: out.0,
+            diagonal: out.1,
+            anchor_load: out.2,
+            pairs,
+        };
+        let is_isotropic = self.stiffness == StiffnessKind::Isotropic;
+        if is_isotropic && at.projection != Projection::Drop && at.carried.is_none() {
+            return self.linearize_isotropic(at, &mut sum);
+        }
+        if at.projected.is_some() {
+            let project = |index: usize, across: f64| {
+                let projection = at.projection_at(self.connections.free_ends(index));
+                projection.apply(across)
+            };
+            return self.linearize_with(project, at, &mut sum);
+        }
+        // One loop for each, without a choice inside.
+        match at.projection {
+            Projection::None => {
+                self.linearize_with(|_, a| Projection::None.apply(a), at, &mut sum);
+            }
+            Projection::Clamp => {
+                self.linearize_with(|_, a| Projection::Clamp.apply(a), at, &mut sum);
+            }
+            Projection::Absolute => {
+                self.linearize_with(|_, a| Projection::Absolute.apply(a), at, &mut sum);
+            }
+            Projection::Drop => {
+                self.linearize_with(|_, a| Projection::Drop.apply(a), at, &mut sum);
+            }
         }
     }
 
-    /// The spring with a free end that pulls or pushes most at a block, with its
-    /// length in m; what is not a number pulls most.
-    pub fn most_strained_at(&self, block: usize, x: &[Vector3<f64>]) -> Option<(usize, f64)> {
-        let ends = self.connections.ends();
-        let here = |index: &usize| ends[*index].contains(&(block as u32));
-        let strained = self.connections.live().filter(here).map(|index| {
-            let (tension, length) = self.tension_and_length(index, x);
-            (index, tension.abs(), length)
-        });
-        let most = strained.max_by(|a, b| a.1.total_cmp(&b.1));
-        most.map(|(index, _, length)| (index, length))
+    fn linearize_with<P: PairBlocks>(
+        &self,
+        project: impl Fn(usize, f64) -> f64 + Copy,
+        at: &Evaluation<'_>,
+        sum: &mut Sums<'_, P>,
+    ) {
+        let weight = at.weights.stiffness;
+        for index in self.connections.live() {
+            let dx = self.connections.difference(index, at.x);
+            let (force, block) = spring::linearize(
+                self.laws[index],
+                at.carried.map(|tensions| tensions[index]),
+                &dx,
+                |across| project(index, across),
+            );
+            let block = block.map(|entry| weight * entry);
+            self.add_linearized(index, force, &block, at, sum);
+        }
     }
 
-    /// Elastic energy, in J, of the springs with a free end: the part that forces
-    /// on free nodes come from.
-    pub fn energy_on_free_blocks(&self, x: &[Vector3<f64>]) -> f64 {
+    /// Forces, and the block K·I of every spring, whatever its state.
+    fn linearize_isotropic<P: PairBlocks>(&self, at: &Evaluation<'_>, sum: &mut Sums<'_, P>) {
+        let weight = at.weights.stiffness;
+        for index in self.connections.live() {
+            let force = self.force(index, at.x);
+            let stiffness = weight * self.laws[index].largest_stiffness();
+            let block = IDENTITY.map(|entry| stiffness * entry);
+            self.add_linearized(index, force, &block, at, sum);
+        }
+    }
+
+    #[inline(always)]
+    fn add_linearized<P: PairBlocks>(
+        &self,
+        index: usize,
+        force: Vector3<f64>,
+        block: &[f64; 6],
+        at: &Evaluation<'_>,
+        sum: &mut Sums<'_, P>,
+    ) {
+        let connections = &self.connections;
+        connections.add_force(index, force, sum.forces);
+        if index < connections.interior().end {
+            connections.add_block(index, block, sum.diagonal, sum.pairs);
+        } else {
+            connections.add_anchored_block(index, block, at.v, sum.diagonal, sum.anchor_load);
+        }
+    }
+}
+
+/// What a linearization adds up into.
+struct Sums<'a, P> {
+    forces: &'a mut [Vector3<f64>],
+    diagonal: &'a mut [[f64; 6]],
+    anchor_load: &'a mut [Vector3<f64>],
+    pairs: &'a mut P,
+}
+
+impl Springs<Spring> {
+    /// The linear springs of a scene that have a stiffness, with their indices there;
+    /// `n_merged` others are part of one of them.
+    pub(crate) fn of_scene(
+        springs: &[SpringBetween<Spring>],
+        index: Vec<usize>,
+        n_merged: usize,
+    ) -> Self {
+        Self {
+            index,
+            n_merged,
+            stiffness: StiffnessKind::ConstantAlongLines,
+            ..Self::new("elastic", springs)
+        }
+    }
+
+    /// Where the rest lengths of all springs with a free end are zero, the Hessian of
+    /// each is K·I, which methods may rely on.
+    pub(crate) fn find_isotropy(&mut self) {
+        let mut live = self.connections.live();
+        if live.all(|index| self.laws[index].rest_length == 0.0) {
+            self.stiffness = StiffnessKind::Isotropic;
+        }
+    }
+}
+
+impl<L: LengthLaw + Send + Sync> Emitter for Springs<L> {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn nature(&self) -> Nature {
+        Nature {
+            n_terms: self.len(),
+            n_merged: self.n_merged,
+            stiffness: self.stiffness,
+            is_constant: false,
+            is_damped: false,
+            is_central: true,
+        }
+    }
+
+    fn number(&mut self, numbering: &Numbering) {
+        let order = self.connections.number(numbering);
+        self.laws = order.iter().map(|&index| self.laws[index]).collect();
+        self.index = order.iter().map(|&index| self.index[index]).collect();
+    }
+
+    fn each_stencil(&self, visit: &mut dyn FnMut(&[u32])) {
+        self.connections.each_stencil(visit);
+    }
+
+    fn place(&mut self, pairs: &[u32]) {
+        self.connections.place(pairs);
+    }
+
+    fn energy(&self, x: &[Vector3<f64>]) -> f64 {
+        (0..self.len()).map(|index| self.energy_of(index, x)).sum()
+    }
+
+    fn energy_on_free_blocks(&self, x: &[Vector3<f64>]) -> f64 {
         let live = self.connections.live();
         live.map(|index| self.energy_of(index, x)).sum()
     }
 
-    /// The largest coordinate, in m, of an end of a spring with a free end: what
-    /// rounding of lengths is in proportion to.
-    pub fn largest_coordinate(&self, x: &[Vector3<f64>]) -> f64 {
-        let ends = self.connections.ends()[self.connections.live()].iter();
-        let coordinates = ends.flatten().map(|&block| x[block as usize].amax());
-        coordinates.fold(0.0, f64::max)
+    fn add_forces(&self, x: &[Vector3<f64>], forces: &mut [Vector3<f64>]) {
+        for index in self.connections.live() {
+            self.connections
+                .add_force(index, self.force(index, x), forces);
+        }
     }
 
-    fn energy_of(&self, index: usize, x: &[Vector3<f64>]) -> f64 {
-        let dx = self.connections.difference(index, x);
-        spring::energy(self.material(index), &Vector3::zeros(), &dx)
+    fn linearize(&self, at: &Evaluation<'_>, out: &mut Linearization) {
+        let Linearization {
+            forces,
+            matrix,
+            anchor_load,
+        } = out;
+        let sums = (
+            &mut forces[..],
+            &mut matrix.diagonal[..],
+            &mut anchor_load[..],
+        );
+        match &mut matrix.off_diagonal {
+            OffDiagonal::Symmetric(pairs) => self.linearize_into(at, sums, pairs),
+            OffDiagonal::General(pairs) => self.linearize_into(at, sums, pairs),
+        }
     }
 
-    /// K of a spring of the batch, in N/m.
-    ///
-    /// # Panics
-    ///
-    /// If there is no such spring.
-    pub fn stiffness(&self, index: usize) -> f64 {
-        self.stiffness[index]
+    fn add_products(&self, at: &Evaluation<'_>, y: &[Vector3<f64>], products: &mut [Vector3<f64>]) {
+        for index in self.connections.live() {
+            let block = self.block(index, at);
+            self.connections
+                .add_product(index, &block, at.weights.stiffness, y, products);
+        }
     }
 
-    /// How many springs with a free end have a negative tension: their own, or
-    /// the given one.
-    pub fn count_compressed(&self, x: &[Vector3<f64>], tensions: Option<&[f64]>) -> usize {
-        let is_compressed = |index: &usize| {
-            let (own, length) = self.tension_and_length(*index, x);
-            tensions.map_or(own, |given| given[*index]) < 0.0 && length > 0.0
-        };
-        self.connections.live().filter(is_compressed).count()
+    fn add_stiffness_bounds(&self, bounds: &mut [f64]) {
+        let stiffnesses = self.laws.iter().map(LengthLaw::largest_stiffness);
+        self.connections.add_to_ends(stiffnesses, bounds);
     }
 
-    /// Adds the stiffness of each spring, in N/m, to its free blocks.
-    pub(crate) fn add_stiffness_sums(&self, sums: &mut [f64]) {
-        self.connections.add_to_ends(&self.stiffness, sums);
-    }
-
-    /// Power, in W, that anchors give to move against their springs to free
-    /// nodes: Σ f·v, where f is the force on the free node and v the velocity of
-    /// the anchor.
-    pub fn anchor_power(&self, x: &[Vector3<f64>], v: &[Vector3<f64>]) -> f64 {
+    fn anchor_power(&self, x: &[Vector3<f64>], v: &[Vector3<f64>]) -> f64 {
         let power = |index| -> f64 { self.force(index, x).dot(&self.connections.second(index, v)) };
         self.connections.anchored().map(power).sum()
     }
 
-    /// What [`Self::anchor_power`] changes by, in W, when the nodes move on by
-    /// `y`, in m, and forces change by `stiffness`·H y as linearized at `at`.
-    pub fn anchor_power_change(&self, at: &Evaluation<'_>, y: &[Vector3<f64>]) -> f64 {
+    fn anchor_power_change(&self, at: &Evaluation<'_>, y: &[Vector3<f64>]) -> f64 {
         let change = |index| -> f64 {
             let force = times(
                 &self.block(index, at),
@@ -285,11 +303,14 @@ impl Springs {
         at.weights.stiffness * sum
     }
 
-    /// Work, in J, that moving anchors do on the springs between them when they
-    /// go from `start` to `end`: Σ (T₀ + T₁)/2·(l₁ − l₀), the exact change of the
-    /// energy of these springs.
-    pub fn work_between_fixed(&self, start: &[Vector3<f64>], end: &[Vector3<f64>]) -> f64 {
+    /// Σ (T₀ + T₁)/2·(l₁ − l₀), which for the linear law is the exact change of
+    /// energy, without the rounding of a difference of energies.
+    fn between_fixed(&self, start: &[Vector3<f64>], end: &[Vector3<f64>], _h: f64) -> BetweenFixed {
+        let is_linear = self.stiffness != StiffnessKind::Variable;
         let work = |index| {
+            if !is_linear {
+                return self.energy_of(index, end) - self.energy_of(index, start);
+            }
             let [before, after] = [start, end].map(|x| self.connections.difference(index, x));
             let [(t0, l0), (t1, l1)] = [start, end].map(|x| self.tension_and_length(index, x));
             // l₁² − l₀² over l₁ + l₀, without the rounding of a difference of lengths.
@@ -297,17 +318,59 @@ impl Springs {
                 (after - before).dot(&(after + before)) / (l0 + l1).max(f64::MIN_POSITIVE);
             0.5 * (t0 + t1) * stretch
         };
-        self.connections.between_fixed().map(work).sum()
+        BetweenFixed {
+            work: self.connections.between_fixed().map(work).sum(),
+            heat: 0.0,
+        }
     }
 
-    /// The energy, in J, of the springs whose length differs from the rest length
-    /// by more than a part `strain` of it.
-    pub fn energy_beyond(&self, strain: f64, x: &[Vector3<f64>]) -> f64 {
+    fn n_carried(&self) -> usize {
+        self.len()
+    }
+
+    /// Tensions of the springs with a free end, in N; zero for the rest.
+    fn carried(&self, x: &[Vector3<f64>], tensions: &mut [f64]) {
+        assert_eq!(tensions.len(), self.len(), "one entry per spring");
+        for index in self.connections.live() {
+            tensions[index] = self.tension_and_length(index, x).0;
+        }
+    }
+
+    /// The tension at `x` plus the stiffness times the linear change of the length.
+    fn predict_carried(
+        &self,
+        x: &[Vector3<f64>],
+        v: &[Vector3<f64>],
+        h: f64,
+        tensions: &mut [f64],
+    ) {
+        assert_eq!(tensions.len(), self.len(), "one entry per spring");
+        for index in self.connections.live() {
+            let Separation { length, direction } =
+                Separation::of(&self.connections.difference(index, x));
+            let change = h * direction.dot(&self.connections.difference(index, v));
+            let law = &self.laws[index];
+            tensions[index] = law.tension(length) + law.stiffness(length) * change;
+        }
+    }
+
+    fn count_projected(&self, at: &Evaluation<'_>) -> usize {
+        let is_projected = |index: &usize| {
+            let (own, length) = self.tension_and_length(*index, at.x);
+            let tension = at.carried.map_or(own, |carried| carried[*index]);
+            let law = &self.laws[*index];
+            let is_negative = tension < 0.0 && length > 0.0 || law.stiffness(length) < 0.0;
+            is_negative && at.projection_at(self.connections.free_ends(*index)) != Projection::None
+        };
+        self.connections.live().filter(is_projected).count()
+    }
+
+    fn energy_beyond(&self, strain: f64, x: &[Vector3<f64>]) -> f64 {
         let energy = |index: usize| {
             let (_, length) = self.tension_and_length(index, x);
-            let change = length - self.rest_length[index];
-            if change.abs() > strain * self.rest_length[index] {
-                0.5 * self.stiffness[index] * change * change
+            let rest_length = self.laws[index].rest_length();
+            if (length - rest_length).abs() > strain * rest_length {
+                self.laws[index].energy(length)
             } else {
                 0.0
             }
@@ -315,55 +378,28 @@ impl Springs {
         (0..self.len()).map(energy).sum()
     }
 
-    /// The energy, in J, that rounding of coordinates is good for: Σ K(ε‖x‖)²,
-    /// with the largest coordinate of the ends of each spring.
-    pub fn energy_of_rounding(&self, x: &[Vector3<f64>]) -> f64 {
+    /// Σ K(ε‖x‖)², with the largest coordinate of the ends of each spring.
+    fn energy_of_rounding(&self, x: &[Vector3<f64>]) -> f64 {
         let energy = |index: usize| {
             let [a, b] = self.connections.ends()[index].map(|block| x[block as usize].amax());
-            self.stiffness[index] * (f64::EPSILON * a.max(b)).powi(2)
+            let (_, length) = self.tension_and_length(index, x);
+            self.laws[index].stiffness(length) * (f64::EPSILON * a.max(b)).powi(2)
         };
         (0..self.len()).map(energy).sum()
     }
 
-    /// The block of a spring as linearized at `at`, without weight.
-    fn block(&self, index: usize, at: &Evaluation<'_>) -> [f64; 6] {
-        let dx = self.connections.difference(index, at.x);
-        let given = at.tensions.map(|tensions| tensions[index]);
-        let project = |across| at.projection.apply(across);
-        spring::linearize(self.material(index), given, &dx, project).1
-    }
-}
-
-impl ForceEmitter for Springs {
-    fn energy(&self, x: &[Vector3<f64>]) -> f64 {
-        (0..self.len()).map(|index| self.energy_of(index, x)).sum()
-    }
-
-    fn add_forces(&self, x: &[Vector3<f64>], _v: &[Vector3<f64>], forces: &mut [Vector3<f64>]) {
-        for index in self.connections.live() {
-            self.connections
-                .add_force(index, self.force(index, x), forces);
-        }
-    }
-
-    fn linearize(&self, at: &Evaluation<'_>, out: &mut Linearization) {
-        if self.is_isotropic && at.projection != Projection::Drop && at.tensions.is_none() {
-            return self.linearize_isotropic(at, out);
-        }
-        // One loop for each, without a choice inside.
-        match at.projection {
-            Projection::None => self.linearize_with(|a| Projection::None.apply(a), at, out),
-            Projection::Clamp => self.linearize_with(|a| Projection::Clamp.apply(a), at, out),
-            Projection::Absolute => self.linearize_with(|a| Projection::Absolute.apply(a), at, out),
-            Projection::Drop => self.linearize_with(|a| Projection::Drop.apply(a), at, out),
-        }
-    }
-
-    fn add_products(&self, at: &Evaluation<'_>, y: &[Vector3<f64>], products: &mut [Vector3<f64>]) {
-        for index in self.connections.live() {
-            let block = self.block(index, at);
-            self.connections
-                .add_product(index, &block, at.weights.stiffness, y, products);
-        }
+    fn most_strained_at(&self, block: usize, x: &[Vector3<f64>]) -> Option<Strained> {
+        let ends = self.connections.ends();
+        let here = |index: &usize| ends[*index].contains(&(block as u32));
+        let strained = self.connections.live().filter(here).map(|index| {
+            let (tension, length) = self.tension_and_length(index, x);
+            Strained {
+                spring: self.index[index],
+                tension,
+                length,
+                stiffness: self.laws[index].stiffness(length),
+            }
+        });
+        strained.max_by(|a, b| a.tension.abs().total_cmp(&b.tension.abs()))
     }
 }

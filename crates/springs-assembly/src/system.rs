@@ -1,13 +1,12 @@
 //! The compiled scene: global forces and matrices for any state.
 
 use crate::{
-    BlockMatrix, BlockPattern, Dashpots, Evaluation, ForceEmitter, Gravity, Motion, Numbering,
-    Springs,
+    BlockMatrix, BlockPattern, Emitter, Energy, Evaluation, Lines, Motion, Nature, Numbering,
+    StiffnessKind, Strained, Weights,
 };
 use nalgebra::Vector3;
 use springs_scene::{Scene, Solution};
 use std::num::NonZeroUsize;
-use std::ops::Add;
 use std::sync::{Arc, LazyLock};
 
 /// Asked for once: the answer takes longer than a small scene.
@@ -26,12 +25,15 @@ pub fn machine_threads(asked: usize) -> usize {
 ///
 /// `x` and `v` are global vectors of all blocks, in m and m/s, with at least
 /// one entry per node; results are for the free blocks.
-#[derive(Clone, Debug)]
 pub struct System {
     numbering: Numbering,
     masses: Vec<f64>,
     inverse_masses: Vec<f64>,
-    batches: Batches,
+    emitters: Vec<Box<dyn Emitter>>,
+    natures: Vec<Nature>,
+    /// Of all emitters that are constant, on the free blocks, in N.
+    constant_forces: Vec<Vector3<f64>>,
+    couplings: Couplings,
     motion: Motion,
     pattern: Arc<BlockPattern>,
     threads: usize,
@@ -40,12 +42,13 @@ pub struct System {
     initial_velocities: Vec<Vector3<f64>>,
 }
 
-/// All that gives forces.
-#[derive(Clone, Debug)]
-pub(crate) struct Batches {
-    pub(crate) springs: Springs,
-    pub(crate) dashpots: Dashpots,
-    pub(crate) gravity: Gravity,
+/// What the emitters of a system couple.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Couplings {
+    /// A free and a fixed block of one stencil each.
+    pub(crate) anchored: Vec<[u32; 2]>,
+    /// Blocks in stencils with a free block, ascending.
+    pub(crate) coupled: Vec<u32>,
 }
 
 /// Forces and system matrix at one state, filled by [`System::linearize`].
@@ -61,43 +64,13 @@ pub struct Linearization {
     pub anchor_load: Vec<Vector3<f64>>,
 }
 
-/// Mechanical energy, in J.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Energy {
-    /// ½ Σ m v² of the free nodes.
-    pub kinetic: f64,
-    /// ½ Σ K(l − l₀)² of all springs.
-    pub elastic: f64,
-    /// −Σ m g·x of the free nodes.
-    pub gravity: f64,
-}
-
-impl Energy {
-    /// The sum.
-    pub fn total(&self) -> f64 {
-        self.kinetic + self.elastic + self.gravity
-    }
-}
-
-impl Add for Energy {
-    type Output = Self;
-
-    fn add(self, other: Self) -> Self {
-        Self {
-            kinetic: self.kinetic + other.kinetic,
-            elastic: self.elastic + other.elastic,
-            gravity: self.gravity + other.gravity,
-        }
-    }
-}
-
 impl System {
     pub(crate) fn new(
         scene: &Scene,
         numbering: Numbering,
         masses: Vec<f64>,
-        batches: Batches,
-        pattern: BlockPattern,
+        emitters: Vec<Box<dyn Emitter>>,
+        (pattern, couplings): (BlockPattern, Couplings),
         motion: Motion,
     ) -> Self {
         let ordered = |of_node: fn(&springs_scene::Node) -> Vector3<f64>| {
@@ -106,13 +79,26 @@ impl System {
             numbering.gather(&nodes, &mut blocks);
             blocks
         };
+        let natures: Vec<Nature> = emitters.iter().map(|emitter| emitter.nature()).collect();
+        let initial_positions = ordered(|node| node.position);
+        let mut constant_forces = vec![Vector3::zeros(); numbering.n_free()];
+        for (emitter, _) in emitters
+            .iter()
+            .zip(&natures)
+            .filter(|(_, nature)| nature.is_constant)
+        {
+            emitter.add_forces(&initial_positions, &mut constant_forces);
+        }
         Self {
-            initial_positions: ordered(|node| node.position),
+            constant_forces,
+            initial_positions,
             initial_velocities: ordered(|node| node.velocity),
             numbering,
             inverse_masses: masses.iter().map(|mass| 1.0 / mass).collect(),
             masses,
-            batches,
+            natures,
+            emitters,
+            couplings,
             motion,
             pattern: Arc::new(pattern),
             threads: machine_threads(scene.settings.threads),
@@ -145,14 +131,31 @@ impl System {
         &self.masses
     }
 
-    /// The springs that have a stiffness.
-    pub fn springs(&self) -> &Springs {
-        &self.batches.springs
+    /// All that gives forces, in the order of [`Lines`].
+    pub fn emitters(&self) -> impl Iterator<Item = &dyn Emitter> {
+        self.emitters.iter().map(|emitter| &**emitter)
     }
 
-    /// The springs that have a damping.
-    pub fn dashpots(&self) -> &Dashpots {
-        &self.batches.dashpots
+    /// Those with damping forces, with their lines.
+    pub fn damped(&self) -> impl Iterator<Item = (usize, &dyn Emitter)> {
+        let with_natures = self.emitters().zip(&self.natures).enumerate();
+        with_natures
+            .filter_map(|(line, (emitter, nature))| nature.is_damped.then_some((line, emitter)))
+    }
+
+    /// Whether there are damping forces.
+    pub fn is_damped(&self) -> bool {
+        self.natures.iter().any(|nature| nature.is_damped)
+    }
+
+    /// Number of terms of all emitters.
+    pub fn n_terms(&self) -> usize {
+        self.natures.iter().map(|nature| nature.n_terms).sum()
+    }
+
+    /// How many springs of the scene became part of another one.
+    pub fn n_merged(&self) -> usize {
+        self.natures.iter().map(|nature| nature.n_merged).sum()
     }
 
     /// Where the motion stays.
@@ -160,10 +163,31 @@ impl System {
         self.motion
     }
 
-    /// Whether every block of H is a multiple of the identity that never
-    /// changes: all rest lengths are zero, and there are no dashpots.
+    /// Whether every block of H is a multiple of the identity that never changes, as
+    /// where all rest lengths are zero, and nothing damps.
     pub fn is_isotropic(&self) -> bool {
-        self.batches.springs.is_isotropic() && self.batches.dashpots.is_empty()
+        self.has_stiffness_within(&[StiffnessKind::None, StiffnessKind::Isotropic])
+            && !self.is_damped()
+    }
+
+    /// Whether H never changes as far as it is along a line that all motion stays on,
+    /// with [`crate::Projection::Drop`].
+    pub fn is_constant_along_lines(&self) -> bool {
+        self.has_stiffness_within(&[
+            StiffnessKind::None,
+            StiffnessKind::Isotropic,
+            StiffnessKind::ConstantAlongLines,
+        ])
+    }
+
+    fn has_stiffness_within(&self, kinds: &[StiffnessKind]) -> bool {
+        let mut natures = self.natures.iter();
+        natures.all(|nature| kinds.contains(&nature.stiffness))
+    }
+
+    /// Whether blocks off the diagonal are symmetric.
+    pub fn has_symmetric_blocks(&self) -> bool {
+        self.natures.iter().all(|nature| nature.is_central)
     }
 
     /// Which blocks of the matrices are stored.
@@ -181,11 +205,6 @@ impl System {
         &self.initial_velocities
     }
 
-    /// All but gravity, whose forces are the same everywhere.
-    fn emitters(&self) -> [&dyn ForceEmitter; 2] {
-        [&self.batches.springs, &self.batches.dashpots]
-    }
-
     /// All forces on the free blocks, in N.
     ///
     /// # Panics
@@ -193,9 +212,28 @@ impl System {
     /// If `forces` is shorter than the number of free blocks.
     pub fn forces(&self, x: &[Vector3<f64>], v: &[Vector3<f64>], forces: &mut [Vector3<f64>]) {
         let forces = &mut forces[..self.n_free()];
-        self.batches.gravity.set_forces(forces);
-        for emitter in self.emitters() {
-            emitter.add_forces(x, v, forces);
+        forces.copy_from_slice(&self.constant_forces);
+        for (emitter, nature) in self.emitters().zip(&self.natures) {
+            if !nature.is_constant {
+                emitter.add_forces(x, forces);
+            }
+        }
+        self.add_damping_forces(x, v, forces);
+    }
+
+    /// Adds the forces that depend on velocities to those on the free blocks, in N.
+    ///
+    /// # Panics
+    ///
+    /// If `forces` is shorter than the number of free blocks.
+    pub fn add_damping_forces(
+        &self,
+        x: &[Vector3<f64>],
+        v: &[Vector3<f64>],
+        forces: &mut [Vector3<f64>],
+    ) {
+        for (_, emitter) in self.damped() {
+            emitter.add_damping_forces(x, v, forces);
         }
     }
 
@@ -222,7 +260,7 @@ impl System {
         let zeros = vec![Vector3::zeros(); self.n_free()];
         Linearization {
             forces: zeros.clone(),
-            matrix: BlockMatrix::zeros(self.pattern.clone()),
+            matrix: BlockMatrix::zeros(self.pattern.clone(), self.has_symmetric_blocks()),
             anchor_load: zeros,
         }
     }
@@ -236,10 +274,81 @@ impl System {
         out.forces.fill(Vector3::zeros());
         out.anchor_load.fill(Vector3::zeros());
         out.matrix.set_mass(at.weights.mass, &self.masses);
-        for emitter in self.emitters() {
-            emitter.linearize(at, out);
+        self.each_with_carried(at, |line, emitter, at| {
+            if !self.natures[line].is_constant {
+                emitter.linearize(at, out);
+            }
+        });
+        for (force, constant) in out.forces.iter_mut().zip(&self.constant_forces) {
+            *force += constant;
         }
-        self.batches.gravity.linearize(at, out);
+    }
+
+    /// Every emitter with what is carried along for it.
+    fn each_with_carried<'a>(
+        &self,
+        at: &Evaluation<'a>,
+        mut act: impl FnMut(usize, &dyn Emitter, &Evaluation<'a>),
+    ) {
+        let mut carried = at.carried;
+        for (line, emitter) in self.emitters().enumerate() {
+            let mine = carried.map(|all| {
+                let (mine, others) = all.split_at(emitter.n_carried());
+                carried = Some(others);
+                mine
+            });
+            let at = Evaluation {
+                carried: mine,
+                ..*at
+            };
+            act(line, emitter, &at);
+        }
+    }
+
+    /// Numbers that a method may carry along for all emitters.
+    pub fn n_carried(&self) -> usize {
+        self.emitters().map(Emitter::n_carried).sum()
+    }
+
+    /// These numbers at `x`.
+    ///
+    /// # Panics
+    ///
+    /// If there are not [`Self::n_carried`] of them.
+    pub fn carried(&self, x: &[Vector3<f64>], carried: &mut [f64]) {
+        let mut rest = carried;
+        for emitter in self.emitters() {
+            let (mine, others) = rest.split_at_mut(emitter.n_carried());
+            emitter.carried(x, mine);
+            rest = others;
+        }
+    }
+
+    /// These numbers as predicted for positions x + h·v, to first order in h.
+    ///
+    /// # Panics
+    ///
+    /// If there are not [`Self::n_carried`] of them.
+    pub fn predict_carried(
+        &self,
+        x: &[Vector3<f64>],
+        v: &[Vector3<f64>],
+        h: f64,
+        carried: &mut [f64],
+    ) {
+        let mut rest = carried;
+        for emitter in self.emitters() {
+            let (mine, others) = rest.split_at_mut(emitter.n_carried());
+            emitter.predict_carried(x, v, h, mine);
+            rest = others;
+        }
+    }
+
+    /// How many terms the projection of an evaluation makes a difference to.
+    pub fn count_projected(&self, at: &Evaluation<'_>) -> usize {
+        let mut count = 0;
+        self.each_with_carried(at, |_, emitter, at| count += emitter.count_projected(at));
+        count
     }
 
     /// The product of the system matrix at `at` and `y` on the free blocks, term
@@ -253,31 +362,92 @@ impl System {
         for (p, (mass, y)) in product.iter_mut().zip(self.masses.iter().zip(y)) {
             *p = y * (at.weights.mass * mass);
         }
-        for emitter in self.emitters() {
-            emitter.add_products(at, y, product);
+        self.each_with_carried(at, |_, emitter, at| emitter.add_products(at, y, product));
+    }
+
+    /// Adds the product of `damping`·D and `y` on the free blocks; next to nothing to
+    /// compute where nothing damps.
+    ///
+    /// # Panics
+    ///
+    /// If a slice is too short.
+    pub fn add_damping_product(
+        &self,
+        x: &[Vector3<f64>],
+        v: &[Vector3<f64>],
+        damping: f64,
+        y: &[Vector3<f64>],
+        product: &mut [Vector3<f64>],
+    ) {
+        let at = Evaluation::new(x, v, Weights::of_damping(damping));
+        for (_, emitter) in self.damped() {
+            emitter.add_products(&at, y, product);
         }
     }
 
     /// Mechanical energy, in J.
     pub fn energy(&self, x: &[Vector3<f64>], v: &[Vector3<f64>]) -> Energy {
-        let (kinetic, gravity) = self.kinetic_and_gravity_energy(x, v);
         Energy {
-            kinetic,
-            elastic: self.batches.springs.energy(x),
-            gravity,
+            kinetic: self.kinetic_energy(v),
+            potential: self.lines(|emitter| emitter.energy(x)),
         }
     }
 
-    /// The parts of [`Self::energy`] that cost no look at any spring.
-    pub fn kinetic_and_gravity_energy(&self, x: &[Vector3<f64>], v: &[Vector3<f64>]) -> (f64, f64) {
-        let masses_and_velocities = self.masses.iter().zip(v);
-        let kinetic = masses_and_velocities.map(|(mass, v)| 0.5 * mass * v.norm_squared());
-        (kinetic.sum(), self.gravity_energy(x))
+    /// A number for each emitter.
+    fn lines(&self, of: impl Fn(&dyn Emitter) -> f64) -> Lines {
+        let mut lines = Lines::default();
+        for (line, emitter) in lines.iter_mut().zip(self.emitters()) {
+            *line = of(emitter);
+        }
+        lines
     }
 
-    /// The gravity in [`Self::energy`].
-    pub fn gravity_energy(&self, x: &[Vector3<f64>]) -> f64 {
-        self.batches.gravity.energy(x)
+    /// ½ Σ m v² of the free blocks, in J.
+    pub fn kinetic_energy(&self, v: &[Vector3<f64>]) -> f64 {
+        let masses_and_velocities = self.masses.iter().zip(v);
+        let kinetic = masses_and_velocities.map(|(mass, v)| 0.5 * mass * v.norm_squared());
+        kinetic.sum()
+    }
+
+    /// Potential energy that forces on free blocks come from, in J.
+    pub fn potential_on_free_blocks(&self, x: &[Vector3<f64>]) -> Lines {
+        self.lines(|emitter| emitter.energy_on_free_blocks(x))
+    }
+
+    /// Potential energy, in J, of terms that are strained by more than a part
+    /// `strain`, and all of those for which that has no meaning.
+    pub fn energy_beyond(&self, strain: f64, x: &[Vector3<f64>]) -> Lines {
+        self.lines(|emitter| emitter.energy_beyond(strain, x))
+    }
+
+    /// The energy, in J, that rounding of coordinates is good for.
+    pub fn energy_of_rounding(&self, x: &[Vector3<f64>]) -> f64 {
+        self.lines(|emitter| emitter.energy_of_rounding(x)).sum()
+    }
+
+    /// Heat that damping forces produce, in W.
+    pub fn dissipation(&self, x: &[Vector3<f64>], v: &[Vector3<f64>]) -> Lines {
+        let mut heat = Lines::default();
+        for (line, emitter) in self.damped() {
+            heat[line] = emitter.dissipation(x, v);
+        }
+        heat
+    }
+
+    /// The largest coordinate, in m, of blocks that something couples with a free one:
+    /// what rounding of lengths is in proportion to.
+    pub fn largest_coordinate(&self, x: &[Vector3<f64>]) -> f64 {
+        let coupled = self.couplings.coupled.iter();
+        let coordinates = coupled.map(|&block| x[block as usize].amax());
+        coordinates.fold(0.0, f64::max)
+    }
+
+    /// The spring that pulls or pushes most at a block.
+    pub fn most_strained_at(&self, block: usize, x: &[Vector3<f64>]) -> Option<Strained> {
+        let strained = self
+            .emitters()
+            .filter_map(|emitter| emitter.most_strained_at(block, x));
+        strained.max_by(|a, b| a.tension.abs().total_cmp(&b.tension.abs()))
     }
 
     /// Whether any of the velocities `v` of fixed blocks is not zero.
@@ -285,30 +455,68 @@ impl System {
         v[self.n_free()..].iter().any(|v| *v != Vector3::zeros())
     }
 
-    /// Power, in W, that moving anchors give to what joins them to free nodes.
-    /// What they do between each other is [`Springs::work_between_fixed`] and
-    /// [`Dashpots::heat_between_fixed`].
+    /// Power, in W, that moving anchors give against forces that do not depend on
+    /// velocities. What they do between each other is [`Self::between_fixed`].
     pub fn anchor_power(&self, x: &[Vector3<f64>], v: &[Vector3<f64>]) -> f64 {
-        if self.any_anchor_moves(v) {
-            self.batches.springs.anchor_power(x, v) + self.batches.dashpots.anchor_power(x, v)
-        } else {
-            0.0
+        if !self.any_anchor_moves(v) {
+            return 0.0;
         }
+        self.emitters()
+            .map(|emitter| emitter.anchor_power(x, v))
+            .sum()
+    }
+
+    /// The same against damping forces.
+    pub fn damping_anchor_power(&self, x: &[Vector3<f64>], v: &[Vector3<f64>]) -> f64 {
+        if !self.any_anchor_moves(v) {
+            return 0.0;
+        }
+        let damped = self.damped();
+        damped
+            .map(|(_, emitter)| emitter.damping_anchor_power(x, v))
+            .sum()
+    }
+
+    /// What [`Self::anchor_power`] changes by, in W, when all blocks move on by `y`,
+    /// in m, and forces change as linearized at `at`, without its damping.
+    pub fn anchor_power_change(&self, at: &Evaluation<'_>, y: &[Vector3<f64>]) -> f64 {
+        let mut change = 0.0;
+        self.each_with_carried(at, |_, emitter, at| {
+            change += emitter.anchor_power_change(at, y)
+        });
+        change
+    }
+
+    /// What anchors do between each other when they go from `start` to `end` at
+    /// constant velocities in a time `h`, in s: heat by emitter, and work, in J.
+    pub fn between_fixed(
+        &self,
+        start: &[Vector3<f64>],
+        end: &[Vector3<f64>],
+        h: f64,
+    ) -> (Lines, f64) {
+        let (mut heat, mut work) = (Lines::default(), 0.0);
+        for (line, emitter) in heat.iter_mut().zip(self.emitters()) {
+            let between = emitter.between_fixed(start, end, h);
+            *line = between.heat;
+            work += between.work;
+        }
+        (heat, work)
     }
 
     /// A bound on the angular frequency of every motion in every
-    /// configuration, in rad/s: ω² ≤ max (2/m) Σ K over the springs of a node
-    /// (Gershgorin). Infinite if a massless node has a spring, zero without
-    /// springs.
+    /// configuration, in rad/s: ω² ≤ max (2/m) Σ K over the springs of a node,
+    /// from the [bounds](Emitter::add_stiffness_bounds) of all emitters. Infinite if a
+    /// massless node has a spring or a term has no bound, zero without any.
     pub fn frequency_bound(&self) -> f64 {
-        let bound = self.largest_per_mass(|sums| self.batches.springs.add_stiffness_sums(sums));
+        let bound = self.largest_per_mass(|sums| self.add_stiffness_bounds(sums));
         (2.0 * bound).sqrt()
     }
 
     /// As [`Self::frequency_bound`], over the nodes that have a mass; in rad/s.
     pub fn frequency_bound_of_massive_nodes(&self) -> f64 {
         let bound = self.largest_per_mass(|sums| {
-            self.batches.springs.add_stiffness_sums(sums);
+            self.add_stiffness_bounds(sums);
             let of_masses = sums.iter_mut().zip(&self.masses);
             of_masses
                 .filter(|(_, mass)| **mass == 0.0)
@@ -317,11 +525,16 @@ impl System {
         (2.0 * bound).sqrt()
     }
 
-    /// The free and the fixed block of every spring and dashpot that joins one of
-    /// each.
+    fn add_stiffness_bounds(&self, bounds: &mut [f64]) {
+        for emitter in self.emitters() {
+            emitter.add_stiffness_bounds(bounds);
+        }
+    }
+
+    /// A free and a fixed block of every coupling that has one of each.
     pub fn anchored(&self) -> impl Iterator<Item = [usize; 2]> {
-        let springs = self.batches.springs.connections.anchored_ends();
-        springs.chain(self.batches.dashpots.connections.anchored_ends())
+        let anchored = self.couplings.anchored.iter();
+        anchored.map(|ends| ends.map(|block| block as usize))
     }
 
     /// The step size, in s, up to which velocity Verlet is stable at a free
@@ -332,14 +545,18 @@ impl System {
     /// If there is no such block.
     pub fn stable_step_at(&self, block: usize) -> f64 {
         let mut sums = vec![0.0; self.n_free()];
-        self.batches.springs.add_stiffness_sums(&mut sums);
+        self.add_stiffness_bounds(&mut sums);
         2.0 / (2.0 * sums[block] / self.masses[block]).sqrt()
     }
 
     /// A bound on the decay rate that dashpots give to any motion in any
     /// configuration, in 1/s: max (2/m) Σ c over the dashpots of a node.
     pub fn damping_rate_bound(&self) -> f64 {
-        2.0 * self.largest_per_mass(|sums| self.batches.dashpots.add_damping_sums(sums))
+        2.0 * self.largest_per_mass(|sums| {
+            for (_, emitter) in self.damped() {
+                emitter.add_damping_bounds(sums);
+            }
+        })
     }
 
     /// The largest sum per mass over the free blocks; 0/0 counts as 0.

@@ -2,9 +2,7 @@
 //! bookkeeping of free, fixed and moving nodes against a system without any.
 
 use nalgebra::{DMatrix, DVector, Vector3};
-use springs_assembly::{
-    Evaluation, ForceEmitter, Linearization, Motion, Projection, System, Weights, compile,
-};
+use springs_assembly::{Evaluation, Linearization, Motion, Projection, System, Weights, compile};
 use springs_scene::generate::{Material, block, chain, cloth, disturb};
 use springs_scene::{Node, Scene};
 
@@ -47,13 +45,10 @@ fn scenes() -> Vec<Scene> {
 
 fn linearize(system: &System, projection: Projection, weights: Weights) -> Linearization {
     let mut out = system.linearization();
+    let (x, v) = (system.initial_positions(), system.initial_velocities());
     let at = Evaluation {
-        x: system.initial_positions(),
-        v: system.initial_velocities(),
         projection,
-        tensions: None,
-        dashpot_tension: false,
-        weights,
+        ..Evaluation::new(x, v, weights)
     };
     system.linearize(&at, &mut out);
     out
@@ -94,7 +89,7 @@ fn forces_are_minus_the_slope_of_the_energy() {
         for row in 0..3 * system.n_free() {
             let slope = difference(x, row, 1e-6, |x| {
                 let energy = system.energy(x, v);
-                energy.elastic + energy.gravity
+                energy.elastic() + energy.gravity()
             });
             assert!(
                 (forces[row] + slope).abs() < 1e-5 * forces.amax(),
@@ -167,7 +162,7 @@ fn nothing_is_left_out_of_the_matrix() {
     }
     for scene in scenes {
         let system = compile(&scene).unwrap();
-        assert!(system.springs().n_merged() > 0);
+        assert!(system.n_merged() > 0);
         assert_ne!(system.motion(), Motion::Space);
         let (x, v) = (system.initial_positions(), system.initial_velocities());
         let stiffness = dense(&linearize(&system, Projection::None, Weights::STIFFNESS));
@@ -251,8 +246,13 @@ fn spring_forces_sum_to_zero_without_fixed_nodes() {
         let system = compile(&scene).unwrap();
         let (x, v) = (system.initial_positions(), system.initial_velocities());
         let mut forces = vec![Vector3::zeros(); system.n_free()];
-        system.springs().add_forces(x, v, &mut forces);
-        system.dashpots().add_forces(x, v, &mut forces);
+        for emitter in system
+            .emitters()
+            .filter(|emitter| emitter.name() != "gravity")
+        {
+            emitter.add_forces(x, &mut forces);
+            emitter.add_damping_forces(x, v, &mut forces);
+        }
         let largest = forces.iter().map(|f| f.norm()).fold(0.0, f64::max);
         let sum: Vector3<f64> = forces.iter().sum();
         assert!(sum.norm() < 1e-13 * largest * forces.len() as f64);
@@ -269,7 +269,7 @@ fn the_fused_pass_has_the_forces_that_do_not_depend_on_velocities() {
         let mut forces = vec![Vector3::zeros(); system.n_free()];
         system.forces(x, v, &mut forces);
         let mut dashpots = vec![Vector3::zeros(); system.n_free()];
-        system.dashpots().add_forces(x, v, &mut dashpots);
+        system.add_damping_forces(x, v, &mut dashpots);
         for ((all, dashpots), fused) in forces.iter().zip(&dashpots).zip(&fused.forces) {
             assert!((all - dashpots - fused).norm() < 1e-12 * (1.0 + all.norm()));
         }
@@ -289,23 +289,20 @@ fn products_term_by_term_are_those_of_the_matrix() {
     for scene in scenes() {
         let system = compile(&scene).unwrap();
         let n_free = system.n_free();
-        let tensions: Vec<f64> = (0..system.springs().len())
-            .map(|k| (k as f64).sin())
-            .collect();
+        let tensions: Vec<f64> = (0..system.n_carried()).map(|k| (k as f64).sin()).collect();
         let y: Vec<Vector3<f64>> = (0..n_free)
             .map(|k| Vector3::new((k as f64).cos(), 1.0, -0.1 * k as f64))
             .collect();
-        for (projection, tensions) in projections
+        for (projection, carried) in projections
             .iter()
             .flat_map(|&projection| [(projection, None), (projection, Some(&*tensions))])
         {
+            let (x, v) = (system.initial_positions(), system.initial_velocities());
             let at = Evaluation {
-                x: system.initial_positions(),
-                v: system.initial_velocities(),
                 projection,
-                tensions,
-                dashpot_tension: true,
-                weights: Weights::of_step(0.1),
+                carried,
+                velocity_stiffness: true,
+                ..Evaluation::new(x, v, Weights::of_step(0.1))
             };
             let mut out = system.linearization();
             system.linearize(&at, &mut out);
@@ -328,14 +325,8 @@ fn products_term_by_term_are_those_of_the_matrix() {
         spring.stiffness *= 1e12;
     }
     let system = compile(&free).unwrap();
-    let at = Evaluation {
-        x: system.initial_positions(),
-        v: system.initial_velocities(),
-        projection: Projection::None,
-        tensions: None,
-        dashpot_tension: false,
-        weights: Weights::of_step(0.1),
-    };
+    let (x, v) = (system.initial_positions(), system.initial_velocities());
+    let at = Evaluation::new(x, v, Weights::of_step(0.1));
     let uniform = vec![Vector3::new(1.0, -2.0, 0.5); system.n_free()];
     let mut product = uniform.clone();
     system.product(&at, &uniform, &mut product);
@@ -351,25 +342,43 @@ fn tensions_and_compression_follow_the_springs() {
         spring.rest_length *= 1.5;
     }
     let system = compile(&scene).unwrap();
-    let (x, springs) = (system.initial_positions(), system.springs());
-    let mut tensions = vec![0.0; springs.len()];
-    springs.tensions(x, &mut tensions);
-    for (index, tension) in tensions.iter().enumerate() {
-        let spring = &scene.springs[springs.scene_index(index)];
-        let expected = spring.stiffness * (1.0 / 9.0 - spring.rest_length);
+    let (x, v) = (system.initial_positions(), system.initial_velocities());
+    let mut tensions = vec![0.0; system.n_carried()];
+    system.carried(x, &mut tensions);
+    let expected = scene.springs.iter();
+    let expected = expected.map(|spring| spring.stiffness * (1.0 / 9.0 - spring.rest_length));
+    let mut expected: Vec<f64> = expected.collect();
+    let mut sorted = tensions.clone();
+    sorted.sort_by(f64::total_cmp);
+    expected.sort_by(f64::total_cmp);
+    for (tension, expected) in sorted.iter().zip(&expected) {
         assert!((tension - expected).abs() < 1e-9);
     }
-    assert_eq!(springs.count_compressed(x, None), 4);
+    let clamped = Evaluation {
+        projection: Projection::Clamp,
+        ..Evaluation::new(x, v, Weights::STIFFNESS)
+    };
+    assert_eq!(system.count_projected(&clamped), 4);
     tensions.fill(-1.0);
-    assert_eq!(springs.count_compressed(x, Some(&tensions)), 9);
+    let carried = Evaluation {
+        carried: Some(&tensions),
+        ..clamped
+    };
+    assert_eq!(system.count_projected(&carried), 9);
+    let nowhere = vec![false; system.n_free()];
+    let elsewhere = Evaluation {
+        projected: Some(&nowhere),
+        ..carried
+    };
+    assert_eq!(system.count_projected(&elsewhere), 0);
 
     // Along the springs the prediction is exact.
     let v: Vec<_> = x.iter().map(|x| x * 0.1).collect();
     let h = 0.5;
-    springs.predict_tensions(x, &v, h, &mut tensions);
+    system.predict_carried(x, &v, h, &mut tensions);
     let moved: Vec<_> = x.iter().zip(&v).map(|(x, v)| x + v * h).collect();
-    let mut expected = vec![0.0; springs.len()];
-    springs.tensions(&moved, &mut expected);
+    let mut expected = vec![0.0; system.n_carried()];
+    system.carried(&moved, &mut expected);
     for (predicted, expected) in tensions.iter().zip(&expected) {
         assert!((predicted - expected).abs() < 1e-9);
     }

@@ -1,7 +1,9 @@
-//! Linear spring: energy, force, Hessian. Δx = x₁ − x₀ (m), l = ‖Δx‖ (m).
+//! Springs: energy, force, Hessian. Δx = x₁ − x₀ (m), l = ‖Δx‖ (m).
 //!
-//! The Hessian block of a spring has the eigenvalue K along the spring and one
-//! more, T/l with the tension T = K(l − l₀), in every direction across it. A
+//! The energy of a spring is a [law](LengthLaw) V(l) of its length alone: that of
+//! the linear [`Spring`], Eq. 1, or any other. The Hessian block has the eigenvalue
+//! k = V″ along the spring and one more, T/l with the tension T = V′, in every
+//! direction across it; of a linear spring, k = K and T = K(l − l₀). A
 //! *tangent* is a choice of the latter for the matrix of an implicit step:
 //!
 //! | tangent | across stiffness | why |
@@ -10,13 +12,38 @@
 //! | clamped | max(T/l, 0) | positive semidefinite |
 //! | absolute | \|T/l\| | positive semidefinite, stiffer under compression |
 //! | material | 0 | positive semidefinite; no false tension at high K |
-//! | filtered | min(T̃/l, K) | T̃ is a tension that the integrator carries along |
+//! | filtered | T̃/l, at most K | T̃ is a tension that the integrator carries along |
 
 use crate::Separation;
 use crate::separation::{is_safe_square, sum_of_squares};
 use nalgebra::{ComplexField, SMatrix, SVector};
 
-/// Material of one spring.
+/// A law of the length of a spring: energy V, tension T = V′ and stiffness k = V″.
+///
+/// Methods of order p keep their order where V has p + 1 continuous derivatives;
+/// T is continuous at least.
+pub trait LengthLaw: Copy {
+    /// V(l), in J, at the length l in m.
+    fn energy(&self, length: f64) -> f64;
+
+    /// T = V′(l), in N, at the length l in m; positive if it pulls.
+    fn tension(&self, length: f64) -> f64;
+
+    /// k = V″(l), in N/m, at the length l in m.
+    fn stiffness(&self, length: f64) -> f64;
+
+    /// A bound on k and on T/l at any length, in N/m; infinite if there is none.
+    fn largest_stiffness(&self) -> f64;
+
+    /// The length l₀, in m, at which it neither pulls nor pushes: strain is
+    /// l/l₀ − 1.
+    fn rest_length(&self) -> f64;
+
+    /// Whether k is never negative.
+    fn is_convex(&self) -> bool;
+}
+
+/// The linear law V = ½K(l − l₀)², Eq. 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spring {
     /// K, in N/m; not negative.
@@ -25,26 +52,56 @@ pub struct Spring {
     pub rest_length: f64,
 }
 
-/// V = ½K(l − l₀)², in J, Eq. 1. Infinite where it exceeds the number range.
+impl LengthLaw for Spring {
+    #[inline(always)]
+    fn energy(&self, length: f64) -> f64 {
+        let stretch = length - self.rest_length;
+        0.5 * self.stiffness * stretch * stretch
+    }
+
+    #[inline(always)]
+    fn tension(&self, length: f64) -> f64 {
+        self.stiffness * (length - self.rest_length)
+    }
+
+    #[inline(always)]
+    fn stiffness(&self, _length: f64) -> f64 {
+        self.stiffness
+    }
+
+    #[inline(always)]
+    fn largest_stiffness(&self) -> f64 {
+        self.stiffness
+    }
+
+    #[inline(always)]
+    fn rest_length(&self) -> f64 {
+        self.rest_length
+    }
+
+    #[inline(always)]
+    fn is_convex(&self) -> bool {
+        true
+    }
+}
+
+/// V(l), in J. Infinite where it exceeds the number range.
 #[inline]
-pub fn energy<const D: usize>(spring: Spring, x0: &SVector<f64, D>, x1: &SVector<f64, D>) -> f64 {
-    let stretch = Separation::between(x0, x1).length - spring.rest_length;
-    0.5 * spring.stiffness * stretch * stretch
+pub fn energy<const D: usize>(
+    law: impl LengthLaw,
+    x0: &SVector<f64, D>,
+    x1: &SVector<f64, D>,
+) -> f64 {
+    law.energy(Separation::between(x0, x1).length)
 }
 
-/// T = K(l − l₀), in N, of a spring of length l in m; positive when stretched.
-#[inline(always)]
-pub fn tension(spring: Spring, length: f64) -> f64 {
-    spring.stiffness * (length - spring.rest_length)
-}
-
-/// f₀ = −∂V/∂x₀ = K(l − l₀)Δx/l on node 0, in N, Eq. 4. Node 1 feels −f₀.
+/// f₀ = −∂V/∂x₀ = T Δx/l on node 0, in N, Eq. 4. Node 1 feels −f₀.
 ///
-/// Zero if the nodes coincide: exact for l₀ = 0; for l₀ > 0 the force has no
-/// direction there, and zero keeps the momentum.
+/// Zero if the nodes coincide: exact for T(0) = 0, as with l₀ = 0; otherwise the
+/// force has no direction there, and zero keeps the momentum.
 #[inline]
 pub fn force<const D: usize>(
-    spring: Spring,
+    law: impl LengthLaw,
     x0: &SVector<f64, D>,
     x1: &SVector<f64, D>,
 ) -> SVector<f64, D> {
@@ -53,85 +110,88 @@ pub fn force<const D: usize>(
     if is_safe_square(square) {
         let length = ComplexField::sqrt(square);
         // One division for all components.
-        let per_length = tension(spring, length) / length;
+        let per_length = law.tension(length) / length;
         if per_length.is_finite() {
             return dx * per_length;
         }
     }
     let separation = Separation::of(&dx);
-    separation.direction * tension(spring, separation.length)
+    separation.direction * law.tension(separation.length)
 }
 
 /// Block B = ∂²V/∂x₀² in N/m, symmetric D × D, Eq. 8: the exact tangent. The
 /// element Hessian is `[[B, −B], [−B, B]]`, Eq. 9.
 ///
-/// B has the eigenvalue K along the spring and K(1 − l₀/l) across it:
-/// indefinite when l < l₀. If the nodes coincide B is K·I, exact for l₀ = 0.
+/// B has the eigenvalue k along the spring and T/l across it; of a linear spring
+/// K and K(1 − l₀/l): indefinite when l < l₀. If the nodes coincide B is k·I, exact
+/// for T(0) = 0.
 #[inline]
 pub fn hessian_block<const D: usize>(
-    spring: Spring,
+    law: impl LengthLaw,
     x0: &SVector<f64, D>,
     x1: &SVector<f64, D>,
 ) -> SMatrix<f64, D, D> {
-    block(spring, x0, x1, |across| across)
+    block(law, x0, x1, |across| across)
 }
 
-/// [`hessian_block`] with the across stiffness max(K(1 − l₀/l), 0), in N/m.
+/// [`hessian_block`] with the across stiffness max(T/l, 0), in N/m.
 ///
-/// The nearest positive semidefinite matrix to B in the Frobenius norm.
+/// The nearest positive semidefinite matrix to B in the Frobenius norm; k, too, is
+/// clamped if it is negative.
 #[inline]
 pub fn hessian_block_clamped<const D: usize>(
-    spring: Spring,
+    law: impl LengthLaw,
     x0: &SVector<f64, D>,
     x1: &SVector<f64, D>,
 ) -> SMatrix<f64, D, D> {
-    block(spring, x0, x1, |across| across.max(0.0))
+    block(law, x0, x1, |across| across.max(0.0))
 }
 
-/// [`hessian_block`] with the across stiffness |K(1 − l₀/l)|, in N/m.
+/// [`hessian_block`] with the across stiffness |T/l|, in N/m.
 #[inline]
 pub fn hessian_block_absolute<const D: usize>(
-    spring: Spring,
+    law: impl LengthLaw,
     x0: &SVector<f64, D>,
     x1: &SVector<f64, D>,
 ) -> SMatrix<f64, D, D> {
-    block(spring, x0, x1, f64::abs)
+    block(law, x0, x1, f64::abs)
 }
 
-/// [`hessian_block`] with no across stiffness: K u uᵀ, in N/m.
+/// [`hessian_block`] with no across stiffness: k u uᵀ, in N/m.
 ///
-/// If the nodes coincide it is K·I like the others.
+/// If the nodes coincide it is k·I like the others.
 #[inline]
 pub fn hessian_block_material<const D: usize>(
-    spring: Spring,
+    law: impl LengthLaw,
     x0: &SVector<f64, D>,
     x1: &SVector<f64, D>,
 ) -> SMatrix<f64, D, D> {
-    block(spring, x0, x1, |_| 0.0)
+    block(law, x0, x1, |_| 0.0)
 }
 
 /// [`hessian_block`] with the across stiffness `tension`/l, in N/m, where the
 /// tension in N is the caller's own (for example one carried from step to step)
-/// instead of K(l − l₀); at most K, which no spring exceeds: K(1 − l₀/l) ≤ K.
+/// instead of T; at most the [largest](LengthLaw::largest_stiffness) of the law,
+/// which no spring exceeds: K(1 − l₀/l) ≤ K.
 #[inline]
 pub fn hessian_block_filtered<const D: usize>(
-    spring: Spring,
+    law: impl LengthLaw,
     tension: f64,
     x0: &SVector<f64, D>,
     x1: &SVector<f64, D>,
 ) -> SMatrix<f64, D, D> {
     let separation = Separation::between(x0, x1);
-    let across = (tension / separation.length).min(spring.stiffness);
-    assemble_block(spring, &separation, across)
+    let across = (tension / separation.length).min(law.largest_stiffness());
+    assemble_block(law.stiffness(separation.length), &separation, across)
 }
 
 /// Force and block of one spring at once: [`force`] in N, and the block in N/m
 /// as (xx, xy, xz, yy, yz, zz), with across stiffness `project`(T/l), where T is
-/// the tension `given` in N or else the spring's own, and T/l of a given one is at
-/// most K, as in [`hessian_block_filtered`]. `dx` = x₁ − x₀ in m.
+/// the tension `given` in N or else the spring's own, and T/l of a given one is
+/// bounded as in [`hessian_block_filtered`]. `dx` = x₁ − x₀ in m.
 #[inline(always)]
 pub fn linearize(
-    spring: Spring,
+    law: impl LengthLaw,
     given: Option<f64>,
     dx: &SVector<f64, 3>,
     project: impl Fn(f64) -> f64,
@@ -140,15 +200,15 @@ pub fn linearize(
     if is_safe_square(square) {
         let length = ComplexField::sqrt(square);
         let inverse = 1.0 / length;
-        let own = tension(spring, length);
+        let own = law.tension(length);
         let per_length = own * inverse;
         if per_length.is_finite() {
             let across = project(match given {
-                Some(tension) => (tension * inverse).min(spring.stiffness),
+                Some(tension) => (tension * inverse).min(law.largest_stiffness()),
                 None => own * inverse,
             });
             let u = dx * inverse;
-            let more = spring.stiffness - across;
+            let more = along_stiffness(law, length, &project) - across;
             let [x, y, z] = [u.x * more, u.y * more, u.z * more];
             let block = [
                 across + x * u.x,
@@ -162,40 +222,53 @@ pub fn linearize(
         }
     }
     let separation = Separation::of(dx);
-    let own = tension(spring, separation.length);
+    let own = law.tension(separation.length);
     let across = project(match given {
-        Some(tension) => (tension / separation.length).min(spring.stiffness),
+        Some(tension) => (tension / separation.length).min(law.largest_stiffness()),
         None => own / separation.length,
     });
-    let b = assemble_block(spring, &separation, across);
+    let along = along_stiffness(law, separation.length, &project);
+    let b = assemble_block(along, &separation, across);
     let block = [b.m11, b.m12, b.m13, b.m22, b.m23, b.m33];
     (separation.direction * own, block)
 }
 
 #[inline(always)]
 fn block<const D: usize>(
-    spring: Spring,
+    law: impl LengthLaw,
     x0: &SVector<f64, D>,
     x1: &SVector<f64, D>,
     tangent: impl Fn(f64) -> f64,
 ) -> SMatrix<f64, D, D> {
     let separation = Separation::between(x0, x1);
-    let across = tension(spring, separation.length) / separation.length;
-    assemble_block(spring, &separation, tangent(across))
+    let across = law.tension(separation.length) / separation.length;
+    let along = along_stiffness(law, separation.length, &tangent);
+    assemble_block(along, &separation, tangent(across))
 }
 
-/// across·(I − u uᵀ) + K·u uᵀ, or K·I for coincident nodes.
+/// k, or what the tangent makes of it where it is negative.
+#[inline(always)]
+fn along_stiffness(law: impl LengthLaw, length: f64, tangent: impl Fn(f64) -> f64) -> f64 {
+    let stiffness = law.stiffness(length);
+    if law.is_convex() || stiffness >= 0.0 {
+        stiffness
+    } else {
+        tangent(stiffness)
+    }
+}
+
+/// across·(I − u uᵀ) + k·u uᵀ, or k·I for coincident nodes.
 #[inline(always)]
 fn assemble_block<const D: usize>(
-    spring: Spring,
+    stiffness: f64,
     separation: &Separation<D>,
     across: f64,
 ) -> SMatrix<f64, D, D> {
     if separation.length == 0.0 {
-        return SMatrix::identity() * spring.stiffness;
+        return SMatrix::identity() * stiffness;
     }
     let along = separation.along();
-    (SMatrix::identity() - along) * across + along * spring.stiffness
+    (SMatrix::identity() - along) * across + along * stiffness
 }
 
 #[cfg(test)]

@@ -604,7 +604,7 @@ const USUAL_ITERATIONS: f64 = 20.0;
 
 impl Costs {
     fn of(system: &System) -> Self {
-        let springs = (system.springs().len() + system.dashpots().len()) as f64;
+        let springs = system.n_terms() as f64;
         let nodes = system.n_free() as f64;
         let pairs = system.pattern().pairs().len() as f64;
         let entries = 6.0 * nodes + 9.0 * pairs;

@@ -1,7 +1,7 @@
 //! A solver that looks at the whole of its matrices.
 
 use nalgebra::Vector3;
-use springs_assembly::PACKED;
+use springs_assembly::{OffDiagonal, PACKED};
 use springs_solver::{Counts, Experience, Interrupt, Options, Route, SolveError, Solver, Subspace};
 
 /// A [`Solver`] that takes a matrix only if all of it is positive definite, also
@@ -94,12 +94,15 @@ impl CheckedSolver {
     pub(crate) fn set_matrix(
         &mut self,
         diagonal: &[[f64; 6]],
-        off_diagonal: &[[f64; 6]],
+        off_diagonal: &OffDiagonal,
     ) -> Result<(), SolveError> {
-        if let Some(across) = &mut self.across {
+        // In planes and on lines, blocks are symmetric.
+        if let (Some(across), OffDiagonal::Symmetric(off_diagonal)) =
+            (&mut self.across, off_diagonal)
+        {
             across.check(diagonal, off_diagonal, &mut self.counts)?;
         }
-        self.solver.set_matrix(diagonal, off_diagonal)
+        self.solver.set_matrix(diagonal, for_solver(off_diagonal))
     }
 
     /// As [`Solver::solve_in_place`].
@@ -154,6 +157,14 @@ impl Across {
         let done = solver.set_matrix(diagonal, off_diagonal);
         counts.factorizations += solver.counts().factorizations - before;
         done
+    }
+}
+
+/// Blocks as the solver takes them.
+pub(crate) fn for_solver(off_diagonal: &OffDiagonal) -> springs_solver::OffDiagonal<'_> {
+    match off_diagonal {
+        OffDiagonal::Symmetric(blocks) => springs_solver::OffDiagonal::Symmetric(blocks),
+        OffDiagonal::General(blocks) => springs_solver::OffDiagonal::General(blocks),
     }
 }
 

@@ -248,6 +248,10 @@ pub(crate) fn can_move(
     if let (true, Some(spring)) = (without_dashpots, damped) {
         return Err(SetupError::VelocityDependent { spring, method });
     }
+    if let (true, Some((_, emitter))) = (without_dashpots, system.damped().next()) {
+        let emitter = emitter.name().to_owned();
+        return Err(SetupError::Damped { emitter, method });
+    }
     Ok(())
 }
 

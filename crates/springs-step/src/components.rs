@@ -3,7 +3,7 @@
 use crate::checked_solver::{CheckCounts, CheckedSolver};
 use crate::linear::{Hessian, Steps, numbers_mut, solver_options};
 use nalgebra::Vector3;
-use springs_assembly::{BlockMatrix, System};
+use springs_assembly::{BlockMatrix, OffDiagonal, System};
 use springs_solver::{Experience, Interrupt, SolveError};
 
 /// The connected parts of the unknowns of a system, and which of them have a
@@ -26,7 +26,7 @@ struct Member {
     pairs: Vec<u32>,
     solver: CheckedSolver,
     diagonal: Vec<[f64; 6]>,
-    off_diagonal: Vec<[f64; 6]>,
+    off_diagonal: OffDiagonal,
     x: Vec<Vector3<f64>>,
 }
 
@@ -132,7 +132,7 @@ impl Components {
             Ok(Member {
                 solver,
                 diagonal: vec![[0.0; 6]; blocks.len()],
-                off_diagonal: vec![[0.0; 6]; pairs.len()],
+                off_diagonal: OffDiagonal::zeros(pairs.len(), system.has_symmetric_blocks()),
                 x: vec![Vector3::zeros(); blocks.len()],
                 blocks,
                 pairs,
@@ -154,9 +154,7 @@ impl Member {
             *diagonal = matrix.diagonal()[block as usize];
             *x = rhs[block as usize];
         }
-        for (off_diagonal, &pair) in self.off_diagonal.iter_mut().zip(&self.pairs) {
-            *off_diagonal = matrix.off_diagonal()[pair as usize];
-        }
+        self.off_diagonal.take(matrix.off_diagonal(), &self.pairs);
         // The same matrix is judged the same way, whatever came before.
         *self.solver.experience() = Experience::default();
         let before = self.solver.counts().factorizations;

@@ -41,6 +41,14 @@ pub enum SetupError {
         /// The method.
         method: Method,
     },
+    /// Likewise, of an emitter that is not of the scene.
+    #[error("{method} cannot treat damping, and {emitter} have some")]
+    Damped {
+        /// Its name.
+        emitter: String,
+        /// The method.
+        method: Method,
+    },
 }
 
 impl SetupError {
@@ -77,7 +85,7 @@ impl SetupError {
                 Some("give it a mass, or use an implicit method such as tr-bdf2")
             }
             Self::EnergyOverflow => Some("look at the units of masses, velocities and stiffnesses"),
-            Self::VelocityDependent { .. } => {
+            Self::VelocityDependent { .. } | Self::Damped { .. } => {
                 Some("use dop853 or tr-bdf2, or leave out the damping")
             }
             Self::Scene(CompileError::Problems(problems)) => problems[0].advice(),

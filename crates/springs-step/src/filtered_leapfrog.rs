@@ -7,7 +7,7 @@ use crate::{
     Anchors, ErrorEstimate, Flows, HiddenState, Interval, Method, MethodError, State, Work,
 };
 use nalgebra::Vector3;
-use springs_assembly::{Evaluation, ForceEmitter as _, Projection, System, Weights};
+use springs_assembly::{Evaluation, System, Weights};
 use springs_solver::{Interrupt, SolveError};
 
 /// v½ = v + ½h a, x' = x + h v½, v' = v½ + ½h a' with
@@ -60,8 +60,8 @@ impl FilteredLeapfrog {
             },
             accelerations: zeros.clone(),
             next_accelerations: zeros,
-            tensions: vec![0.0; system.springs().len()],
-            next_tensions: vec![0.0; system.springs().len()],
+            tensions: vec![0.0; system.n_carried()],
+            next_tensions: vec![0.0; system.n_carried()],
             filtered_for: 0.0,
             anchor_power: 0.0,
             next_anchor_power: 0.0,
@@ -86,12 +86,8 @@ impl FilteredLeapfrog {
             stiffness: ALPHA * h * h,
         };
         let at = Evaluation {
-            x: &state.x,
-            v: &state.v,
-            projection: Projection::None,
-            tensions: Some(&*self.next_tensions),
-            dashpot_tension: false,
-            weights,
+            carried: Some(&*self.next_tensions),
+            ..Evaluation::new(&state.x, &state.v, weights)
         };
         work.counts.force_evaluations += 1;
         let taken = self.linear.linearize_and_solve(
@@ -102,8 +98,7 @@ impl FilteredLeapfrog {
                 purpose: Purpose::Step,
             },
             |out, accelerations| {
-                let dashpots = system.dashpots();
-                dashpots.add_forces(&state.x, &state.v, &mut out.forces);
+                system.add_damping_forces(&state.x, &state.v, &mut out.forces);
                 accelerations.copy_from_slice(&out.forces);
             },
             &mut self.next_accelerations[..system.n_free()],
@@ -111,12 +106,11 @@ impl FilteredLeapfrog {
         )?;
         if system.any_anchor_moves(&state.v) {
             // The force that acts is the filtered one, f − αh²S a.
-            let springs = system.springs();
-            let change = springs.anchor_power_change(&taken, &self.next_accelerations);
-            self.next_anchor_power = springs.anchor_power(&state.x, &state.v) + change;
+            let change = system.anchor_power_change(&taken, &self.next_accelerations);
+            self.next_anchor_power = system.anchor_power(&state.x, &state.v) + change;
         }
         // What the filter leaves of the tension.
-        system.springs().predict_tensions(
+        system.predict_carried(
             &state.x,
             &self.next_accelerations,
             ALPHA * h * h,
@@ -160,7 +154,7 @@ impl Method for FilteredLeapfrog {
             if let Some(start) = &mut self.start {
                 start.settle_massless(system, h, state, work)?;
             }
-            system.springs().tensions(&state.x, &mut self.next_tensions);
+            system.carried(&state.x, &mut self.next_tensions);
             self.accelerate(system, state, h, 0.0, work)?;
             self.accept();
             self.filtered_for = h;
@@ -168,7 +162,7 @@ impl Method for FilteredLeapfrog {
         self.next_tensions.copy_from_slice(&self.tensions);
         self.impulses.begin(system, &state.v);
         self.impulses
-            .add_dashpots(system, 0.5 * h, &state.x, &state.v);
+            .add_damping(system, 0.5 * h, &state.x, &state.v);
         let moving = state.x.iter_mut().zip(&mut state.v).take(system.n_free());
         for ((x, v), a) in moving.zip(&self.accelerations) {
             *v += a * (0.5 * h);
@@ -181,10 +175,10 @@ impl Method for FilteredLeapfrog {
         }
         // With D a in their matrix, dashpots act with the new velocities.
         self.impulses
-            .add_dashpots(system, 0.5 * h, &state.x, &state.v);
+            .add_damping(system, 0.5 * h, &state.x, &state.v);
         if self.impulses.anchors_move() {
             let power = self.anchor_power + self.next_anchor_power;
-            self.impulses.add_spring_work(0.5 * h * power);
+            self.impulses.add_anchor_work(0.5 * h * power);
         }
         self.flows = self.impulses.flows(system, &state.v);
         Ok(None)

@@ -2,15 +2,14 @@
 
 use crate::{HiddenState, State};
 use nalgebra::Vector3;
-use springs_assembly::System;
+use springs_assembly::{Lines, System};
 use std::ops::{Add, AddAssign};
 
-/// Energy that left or entered in a step, in J, through dashpots and springs
-/// with a free end.
+/// Energy that left or entered in a step, in J, through what acts on free nodes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Flows {
-    /// Heat produced by dashpots.
-    pub dashpot_heat: f64,
+    /// Heat produced by the damping forces of each emitter.
+    pub heat: Lines,
     /// Work done by moving anchors.
     pub anchor_work: f64,
 }
@@ -20,7 +19,7 @@ impl Add for Flows {
 
     fn add(self, other: Self) -> Self {
         Self {
-            dashpot_heat: self.dashpot_heat + other.dashpot_heat,
+            heat: self.heat + other.heat,
             anchor_work: self.anchor_work + other.anchor_work,
         }
     }
@@ -34,23 +33,23 @@ impl AddAssign for Flows {
 
 impl Flows {
     /// Heat and anchor power at one instant, in W; next to nothing to compute in
-    /// scenes without dashpots and moving anchors.
+    /// scenes without damping and moving anchors.
     pub(crate) fn powers(system: &System, x: &[Vector3<f64>], v: &[Vector3<f64>]) -> Self {
         Self {
-            dashpot_heat: system.dashpots().dissipation(x, v),
-            anchor_work: system.anchor_power(x, v),
+            heat: system.dissipation(x, v),
+            anchor_work: system.anchor_power(x, v) + system.damping_anchor_power(x, v),
         }
     }
 
     pub(crate) fn visit(&mut self, state: &mut HiddenState) {
-        state.real(&mut self.dashpot_heat);
+        self.heat.iter_mut().for_each(|heat| state.real(heat));
         state.real(&mut self.anchor_work);
     }
 
     /// The same flows at another rate, or over another time.
     pub(crate) fn times(self, factor: f64) -> Self {
         Self {
-            dashpot_heat: self.dashpot_heat * factor,
+            heat: self.heat * factor,
             anchor_work: self.anchor_work * factor,
         }
     }
@@ -83,8 +82,12 @@ impl Flows {
             let slopes = rest * limited(start) - s * limited(end);
             s * s * (3.0 - 2.0 * s) * total + s * rest * slopes
         };
+        let mut heat = self.heat;
+        for (line, heat) in heat.iter_mut().enumerate() {
+            *heat = cubic(*heat, start.heat[line], end.heat[line]);
+        }
         Self {
-            dashpot_heat: cubic(self.dashpot_heat, start.dashpot_heat, end.dashpot_heat),
+            heat,
             anchor_work: cubic(self.anchor_work, start.anchor_work, end.anchor_work),
         }
     }
@@ -99,12 +102,14 @@ impl Flows {
         if !system.any_anchor_moves(&after.v) {
             return Self::default();
         }
-        let heat = system.dashpots().heat_between_fixed(before, &after.x, h);
-        Self {
-            dashpot_heat: heat,
-            anchor_work: heat + system.springs().work_between_fixed(before, &after.x),
-        }
+        let (heat, anchor_work) = system.between_fixed(before, &after.x, h);
+        Self { heat, anchor_work }
     }
+}
+
+/// Σ f·v.
+fn work_on(forces: &[Vector3<f64>], v: &[Vector3<f64>]) -> f64 {
+    forces.iter().zip(v).map(|(f, v)| f.dot(v)).sum()
 }
 
 /// The impulses that a method gives in a step, and what follows from them.
@@ -112,39 +117,61 @@ impl Flows {
 /// A method of order 1 or 2 changes the momentum of a node by Σ bᵢ h fᵢ, with its
 /// own weights bᵢ and the forces fᵢ of its stages. The kinetic energy then
 /// changes by exactly that impulse times the mean of the velocities before and
-/// after. So the impulses of the dashpots times these mean velocities are the
-/// energy that the dashpots took, and the impulses on an anchor times its
-/// velocity the work that it did, whether the step resolves them or not.
+/// after. So the impulses of damping forces times these mean velocities are the
+/// energy that they took, and the impulses on an anchor times its velocity the work
+/// that it did, whether the step resolves them or not.
 pub(crate) struct Impulses {
-    /// v₁ − v₀ of the ends of each dashpot at the start of the step, in m/s.
-    rates: Vec<Vector3<f64>>,
-    /// Of each dashpot, on its first end, in N·s.
-    dashpots: Vec<Vector3<f64>>,
-    /// Work of anchors against springs, in J.
-    spring_work: f64,
+    /// Velocities of all blocks at the start of the step, in m/s, where anything is
+    /// damped.
+    start: Vec<Vector3<f64>>,
+    /// Of the damping forces of each damped emitter on all blocks, in N·s.
+    damping: Vec<Damping>,
+    /// Forces of one emitter on all blocks, in N.
+    forces: Vec<Vector3<f64>>,
+    /// Work of anchors against other forces, in J.
+    work: f64,
     anchors_move: bool,
+}
+
+/// Impulses of the damping forces of an emitter.
+struct Damping {
+    line: usize,
+    impulses: Vec<Vector3<f64>>,
 }
 
 impl Impulses {
     pub(crate) fn new(system: &System) -> Self {
-        let zeros = vec![Vector3::zeros(); system.dashpots().len()];
+        let n_damped = if system.is_damped() {
+            system.numbering().n_nodes()
+        } else {
+            0
+        };
+        let zeros = vec![Vector3::zeros(); n_damped];
+        let damping = system.damped().map(|(line, _)| Damping {
+            line,
+            impulses: zeros.clone(),
+        });
         Self {
-            rates: zeros.clone(),
-            dashpots: zeros,
-            spring_work: 0.0,
+            damping: damping.collect(),
+            start: zeros.clone(),
+            forces: zeros,
+            work: 0.0,
             anchors_move: false,
         }
     }
 
     /// Begins a step with the velocities `v`.
     pub(crate) fn begin(&mut self, system: &System, v: &[Vector3<f64>]) {
-        system.dashpots().rates(v, &mut self.rates);
-        self.dashpots.fill(Vector3::zeros());
-        self.spring_work = 0.0;
+        let n_damped = self.start.len();
+        self.start.copy_from_slice(&v[..n_damped]);
+        for damping in &mut self.damping {
+            damping.impulses.fill(Vector3::zeros());
+        }
+        self.work = 0.0;
         self.anchors_move = system.any_anchor_moves(v);
     }
 
-    /// Whether springs do work on anchors.
+    /// Whether anchors do work.
     pub(crate) fn anchors_move(&self) -> bool {
         self.anchors_move
     }
@@ -157,35 +184,54 @@ impl Impulses {
         x: &[Vector3<f64>],
         v: &[Vector3<f64>],
     ) {
-        self.add_dashpots(system, weight, x, v);
+        self.add_damping(system, weight, x, v);
         if self.anchors_move {
-            self.add_spring_work(weight * system.springs().anchor_power(x, v));
+            self.add_anchor_work(weight * system.anchor_power(x, v));
         }
     }
 
-    /// Those of the dashpots alone.
-    pub(crate) fn add_dashpots(
+    /// Those that damp alone.
+    pub(crate) fn add_damping(
         &mut self,
         system: &System,
         weight: f64,
         x: &[Vector3<f64>],
         v: &[Vector3<f64>],
     ) {
-        let dashpots = system.dashpots();
-        dashpots.add_impulses(weight, x, v, &mut self.dashpots);
+        let n_free = system.n_free();
+        for ((_, emitter), damping) in system.damped().zip(&mut self.damping) {
+            self.forces.fill(Vector3::zeros());
+            let (free, fixed) = self.forces.split_at_mut(n_free);
+            emitter.add_damping_forces(x, v, free);
+            emitter.add_damping_reactions(x, v, fixed);
+            for (impulse, force) in damping.impulses.iter_mut().zip(&self.forces) {
+                *impulse += force * weight;
+            }
+        }
     }
 
-    /// Work of anchors against springs, in J.
-    pub(crate) fn add_spring_work(&mut self, work: f64) {
-        self.spring_work += work;
+    /// Work of anchors against forces that do not depend on velocities, in J.
+    pub(crate) fn add_anchor_work(&mut self, work: f64) {
+        self.work += work;
     }
 
     /// The flows of the step, which ended with the velocities `v`.
     pub(crate) fn flows(&self, system: &System, v: &[Vector3<f64>]) -> Flows {
-        let dashpots = system.dashpots();
-        Flows {
-            dashpot_heat: dashpots.energy_taken(&self.dashpots, &self.rates, v),
-            anchor_work: self.spring_work + dashpots.anchor_work(&self.dashpots, v),
+        let n_free = system.n_free();
+        let mut flows = Flows {
+            heat: Lines::default(),
+            anchor_work: self.work,
+        };
+        for Damping { line, impulses } in &self.damping {
+            let mut taken = 0.0;
+            for (impulse, (before, after)) in impulses.iter().zip(self.start.iter().zip(v)) {
+                taken -= 0.5 * impulse.dot(&(before + after));
+            }
+            flows.heat[*line] = taken;
+            if self.anchors_move {
+                flows.anchor_work -= work_on(&impulses[n_free..], &v[n_free..]);
+            }
         }
+        flows
     }
 }

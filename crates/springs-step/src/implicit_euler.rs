@@ -93,7 +93,7 @@ impl Method for ImplicitEuler {
         work: &mut Work,
     ) -> bool {
         let damping = Damping {
-            tensions: Some(&self.tensions.end),
+            carried: Some(&self.tensions.end),
             time_scale,
             passes: 1,
         };

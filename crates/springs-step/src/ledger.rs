@@ -1,15 +1,15 @@
 //! Where the energy went.
 
 use crate::{Flows, HiddenState, State};
-use springs_assembly::{Energy, System};
+use springs_assembly::{Energy, Lines, System};
 
 /// Energy at the start and the flows since then, in J.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ledger {
     /// Energy at the start.
     pub start: Energy,
-    /// Heat produced by dashpots.
-    pub dashpot_heat: f64,
+    /// Heat produced by the damping forces of each emitter.
+    pub heat: Lines,
     /// Work done by moving anchors.
     pub anchor_work: f64,
 }
@@ -19,20 +19,20 @@ impl Ledger {
     pub fn open(system: &System, state: &State) -> Self {
         Self {
             start: system.energy(&state.x, &state.v),
-            dashpot_heat: 0.0,
+            heat: Lines::default(),
             anchor_work: 0.0,
         }
     }
 
     /// Enters flows.
     pub fn record(&mut self, flows: Flows) {
-        self.dashpot_heat += flows.dashpot_heat;
+        self.heat += flows.heat;
         self.anchor_work += flows.anchor_work;
     }
 
     /// The flows; the start is that of the scene.
     pub(crate) fn visit(&mut self, state: &mut HiddenState) {
-        state.real(&mut self.dashpot_heat);
+        self.heat.iter_mut().for_each(|heat| state.real(heat));
         state.real(&mut self.anchor_work);
     }
 
@@ -40,7 +40,7 @@ impl Ledger {
     pub(crate) fn sum(ledgers: impl Iterator<Item = Self>) -> Option<Self> {
         ledgers.reduce(|a, b| Self {
             start: a.start + b.start,
-            dashpot_heat: a.dashpot_heat + b.dashpot_heat,
+            heat: a.heat + b.heat,
             anchor_work: a.anchor_work + b.anchor_work,
         })
     }
@@ -48,6 +48,6 @@ impl Ledger {
     /// What is left of the change to `end` after heat and work: the gain (or,
     /// if negative, the loss) of the method itself, in J.
     pub fn method_gain(&self, end: &Energy) -> f64 {
-        end.total() - self.start.total() + self.dashpot_heat - self.anchor_work
+        end.total() - self.start.total() + self.heat.sum() - self.anchor_work
     }
 }

@@ -7,7 +7,9 @@ use crate::{HiddenState, MethodError, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::{Evaluation, Linearization, Motion, Projection, System, Weights};
 use springs_scene::{Solution, Tangent};
-use springs_solver::{Experience, Interrupt, Options, Price, Route, SolveError, Solver, Subspace};
+use springs_solver::{
+    Experience, Interrupt, Options, Packing, Price, Route, SolveError, Solver, Subspace,
+};
 
 /// Forces and matrix of a method at one state, and the solver of their systems.
 pub(crate) struct LinearSystem {
@@ -30,8 +32,8 @@ pub(crate) struct LinearSystem {
     /// The right-hand side and the residual of a solution that is refined.
     rhs: Vec<Vector3<f64>>,
     residual: Vec<Vector3<f64>>,
-    /// Tensions that give some of the parts a clamped matrix.
-    tensions: Vec<f64>,
+    /// For every free block, whether its part gets a clamped matrix.
+    projected: Vec<bool>,
     setup: Work,
     /// What the solver has learned of the matrices of estimates.
     of_estimates: Experience,
@@ -154,7 +156,11 @@ pub(crate) fn solver_options<'a>(
             Route::Auto
         },
         subspace,
-        ..Options::default()
+        packing: if system.has_symmetric_blocks() {
+            Packing::Symmetric
+        } else {
+            Packing::General
+        },
     };
     (options, normal)
 }
@@ -172,7 +178,7 @@ fn is_across_in_doubt(system: &System, hessian: Hessian) -> bool {
 
 /// Whether the matrix depends on nothing but the step size.
 pub(crate) fn is_constant(system: &System, hessian: Hessian) -> bool {
-    reduced(system, hessian) != Reduced::Whole && system.dashpots().is_empty()
+    reduced(system, hessian) != Reduced::Whole && !system.is_damped()
 }
 
 /// Whether one matrix of numbers serves all three directions.
@@ -242,7 +248,7 @@ impl LinearSystem {
             frequency_square: system.frequency_bound_of_massive_nodes().powi(2),
             rhs: Vec::new(),
             residual: Vec::new(),
-            tensions: Vec::new(),
+            projected: Vec::new(),
             setup,
             interrupt: Interrupt::default(),
         })
@@ -334,30 +340,29 @@ impl LinearSystem {
             done => return done.map(|()| self.taken(unclamped)),
         };
         if self.components.is_one() {
-            let clamped = system.springs().count_compressed(at.x, at.tensions);
-            work.counts.clamped_springs += clamped as u64;
             let clamped = Evaluation {
                 projection: Projection::Clamp,
                 ..at
             };
+            work.counts.clamped_springs += system.count_projected(&clamped) as u64;
             self.attempt(system, clamped, purpose, &mut fill, x, work)?;
             return Ok(self.taken(clamped));
         }
-        let mut tensions = std::mem::take(&mut self.tensions);
-        let done = self
-            .clamp_parts(system, &unclamped, purpose, block, &mut tensions, work)
-            .and_then(|()| {
-                let clamped = Evaluation {
-                    tensions: Some(&tensions),
-                    ..unclamped
-                };
-                self.attempt(system, clamped, purpose, &mut fill, x, work)
-            });
-        self.tensions = tensions;
+        self.judge_parts(system, purpose, block, work)?;
+        let projected = std::mem::take(&mut self.projected);
+        let clamped = Evaluation {
+            projection: Projection::Clamp,
+            projected: Some(&projected),
+            ..at
+        };
+        work.counts.clamped_springs += system.count_projected(&clamped) as u64;
+        let done = self.attempt(system, clamped, purpose, &mut fill, x, work);
+        self.projected = projected;
         done?;
         Ok(self.taken(Evaluation {
-            tensions: Some(&self.tensions),
-            ..unclamped
+            projection: Projection::Clamp,
+            projected: Some(&self.projected),
+            ..at
         }))
     }
 
@@ -386,16 +391,13 @@ impl LinearSystem {
         self.solve_refined(system, &at, x, purpose, work)
     }
 
-    /// Finds out which connected parts of the last matrix, which failed at
-    /// `block`, are not positive definite; `tensions` become those of `at`, but
-    /// not negative there.
-    fn clamp_parts(
+    /// Finds out which connected parts of the last matrix, which failed at `block`,
+    /// are not positive definite, and so which blocks are projected.
+    fn judge_parts(
         &mut self,
         system: &System,
-        at: &Evaluation<'_>,
         purpose: Purpose,
         block: usize,
-        tensions: &mut Vec<f64>,
         work: &mut Work,
     ) -> Result<(), MethodError> {
         let mut counts = CheckCounts::default();
@@ -407,21 +409,9 @@ impl LinearSystem {
         });
         count(counts, work);
         judged.map_err(MethodError::of)?;
-        let springs = system.springs();
-        tensions.resize(springs.len(), 0.0);
-        match at.tensions {
-            Some(given) => tensions.copy_from_slice(given),
-            None => springs.tensions(at.x, tensions),
-        }
-        for (spring, tension) in tensions.iter_mut().enumerate() {
-            if *tension < 0.0
-                && let Some(block) = springs.free_block(spring)
-                && self.components.is_indefinite_at(block)
-            {
-                *tension = 0.0;
-                work.counts.clamped_springs += 1;
-            }
-        }
+        let is_indefinite = (0..system.n_free()).map(|b| self.components.is_indefinite_at(b));
+        self.projected.clear();
+        self.projected.extend(is_indefinite);
         Ok(())
     }
 
@@ -430,13 +420,14 @@ impl LinearSystem {
         match self.reduced {
             Reduced::Whole => at,
             Reduced::Isotropic => Evaluation {
-                tensions: None,
+                carried: None,
                 ..at
             },
             Reduced::Line => Evaluation {
                 projection: Projection::Drop,
-                tensions: None,
-                dashpot_tension: false,
+                projected: None,
+                carried: None,
+                velocity_stiffness: false,
                 ..at
             },
         }
@@ -549,14 +540,14 @@ impl LinearSystem {
 
     /// What a method with a matrix does for [`crate::Method::damp_vibrations`],
     /// `passes` times, for several lists of errors with one matrix; S is the
-    /// Hessian with its across stiffness from the given tensions, clamped. The
+    /// Hessian with what is carried along, clamped. The
     /// matrix takes the place of the last one.
     pub(crate) fn damp_vibrations<const N: usize>(
         &mut self,
         system: &System,
         state: &State,
         Damping {
-            tensions,
+            carried,
             time_scale,
             passes,
         }: Damping<'_>,
@@ -564,12 +555,9 @@ impl LinearSystem {
         work: &mut Work,
     ) -> bool {
         let at = Evaluation {
-            x: &state.x,
-            v: &state.v,
             projection: Projection::Clamp,
-            tensions,
-            dashpot_tension: false,
-            weights: Weights::of_step(time_scale),
+            carried,
+            ..Evaluation::new(&state.x, &state.v, Weights::of_step(time_scale))
         };
         // These matrices are stiffer than those of steps, and say nothing about
         // them.
@@ -595,8 +583,8 @@ fn count(counts: CheckCounts, work: &mut Work) {
 /// How vibrations are damped in errors of velocities.
 #[derive(Clone, Copy)]
 pub(crate) struct Damping<'a> {
-    /// Tensions that the across stiffness is taken from, if not the present ones.
-    pub(crate) tensions: Option<&'a [f64]>,
+    /// What the Hessian is taken with, if not the present values.
+    pub(crate) carried: Option<&'a [f64]>,
     /// τ, in s.
     pub(crate) time_scale: f64,
     /// How many times.

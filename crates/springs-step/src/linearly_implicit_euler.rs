@@ -45,7 +45,7 @@ impl LinearlyImplicitEuler {
     /// If the factor cannot be stored.
     pub fn new(system: &System, tangent: Tangent) -> Result<Self, SolveError> {
         let n_tensions = match tangent {
-            Tangent::Filtered => system.springs().len(),
+            Tangent::Filtered => system.n_carried(),
             _ => 0,
         };
         Ok(Self {
@@ -76,7 +76,7 @@ impl LinearlyImplicitEuler {
         self.velocities[n_free..].copy_from_slice(&state.v[n_free..]);
         let filtered = self.tangent == Tangent::Filtered;
         if filtered && !self.tensions_are_known {
-            system.springs().tensions(&state.x, &mut self.tensions);
+            system.carried(&state.x, &mut self.tensions);
             self.tensions_are_known = true;
         }
         let (on_demand, projection) = match self.tangent {
@@ -87,12 +87,10 @@ impl LinearlyImplicitEuler {
         };
         self.frame.enter(system, &state.v);
         let at = Evaluation {
-            x: &state.x,
             v: &self.frame.relative,
             projection,
-            tensions: filtered.then_some(&*self.tensions),
-            dashpot_tension: false,
-            weights: Weights::of_step(h),
+            carried: filtered.then_some(&*self.tensions),
+            ..Evaluation::new(&state.x, &state.v, Weights::of_step(h))
         };
         work.counts.force_evaluations += 1;
         let taken = self.linear.linearize_and_solve(
@@ -116,16 +114,15 @@ impl LinearlyImplicitEuler {
         // The forces that act are the linearized ones, −D v' and f − hH v'.
         self.impulses.begin(system, &state.v);
         self.impulses
-            .add_dashpots(system, h, &state.x, &self.velocities);
+            .add_damping(system, h, &state.x, &self.velocities);
         if self.impulses.anchors_move() {
-            let springs = system.springs();
-            let work = h * springs.anchor_power(&state.x, &state.v);
+            let work = h * system.anchor_power(&state.x, &state.v);
             let taken = Evaluation {
                 v: &state.v,
                 ..taken
             };
-            let change = springs.anchor_power_change(&taken, &self.velocities);
-            self.impulses.add_spring_work(work + change);
+            let change = system.anchor_power_change(&taken, &self.velocities);
+            self.impulses.add_anchor_work(work + change);
         }
         self.flows = self.impulses.flows(system, &self.velocities);
         Ok(())
@@ -143,9 +140,8 @@ impl LinearlyImplicitEuler {
     /// T ← K(l − l₀) + K·(the change of l that the new velocities predict),
     /// for the next step.
     fn predict_tensions(&mut self, system: &System, state: &State, h: f64) {
-        system
-            .springs()
-            .predict_tensions(&state.x, &self.velocities, h, &mut self.next_tensions);
+        let next = &mut self.next_tensions;
+        system.predict_carried(&state.x, &self.velocities, h, next);
     }
 }
 
@@ -198,7 +194,7 @@ impl Method for LinearlyImplicitEuler {
         work: &mut Work,
     ) -> bool {
         let damping = Damping {
-            tensions: None,
+            carried: None,
             time_scale,
             passes: 1,
         };

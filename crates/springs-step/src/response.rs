@@ -60,12 +60,8 @@ impl Response {
             return bound;
         }
         let at = Evaluation {
-            x: &state.x,
-            v: &state.v,
             projection: Projection::Clamp,
-            tensions: None,
-            dashpot_tension: false,
-            weights: Weights::of_step(time_scale),
+            ..Evaluation::new(&state.x, &state.v, Weights::of_step(time_scale))
         };
         let zeros = std::iter::repeat_n(Vector3::zeros(), errors.len());
         self.y.clear();

@@ -1,6 +1,7 @@
 //! How far a system can still move from where it is.
 
 use crate::State;
+use crate::checked_solver::for_solver;
 use crate::linear::{Hessian, Steps, numbers_mut, positions_of, solver_options};
 use nalgebra::Vector3;
 use springs_assembly::{Evaluation, Linearization, Motion, Projection, System, Weights};
@@ -53,24 +54,20 @@ impl Rest {
             return None;
         }
         let at = Evaluation {
-            x: &state.x,
-            v: &state.v,
             // Along a line there is K u uᵀ only.
             projection: if matches!(system.motion(), Motion::Line(_)) {
                 Projection::Drop
             } else {
                 Projection::None
             },
-            tensions: None,
-            dashpot_tension: false,
-            weights: Weights::STIFFNESS,
+            ..Evaluation::new(&state.x, &state.v, Weights::STIFFNESS)
         };
         system.linearize(&at, &mut self.out);
         let solver = self.solver.as_mut()?;
         // The same state is judged the same way, whatever came before.
         *solver.experience() = Experience::default();
         let matrix = &self.out.matrix;
-        let set = solver.set_matrix(matrix.diagonal(), matrix.off_diagonal());
+        let set = solver.set_matrix(matrix.diagonal(), for_solver(matrix.off_diagonal()));
         set.ok()?;
         let mut solve = |x: &mut [Vector3<f64>]| solver.solve_in_place(numbers_mut(x), 1e-6).ok();
 
@@ -78,7 +75,7 @@ impl Rest {
         solve(&mut self.toward)?;
         let products = self.toward.iter().zip(&self.out.forces);
         let potential: f64 = products.map(|(d, f)| 0.5 * d.dot(f)).sum();
-        let energy = potential + system.energy(&state.x, &state.v).kinetic;
+        let energy = potential + system.kinetic_energy(&state.v);
 
         let mut softness = 0.0;
         for (k, x) in self.slowest.iter_mut().enumerate() {

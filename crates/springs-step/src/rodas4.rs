@@ -8,7 +8,7 @@ use crate::{
     Anchors, ErrorEstimate, Flows, HiddenState, Interval, Method, MethodError, State, Work,
 };
 use nalgebra::Vector3;
-use springs_assembly::{Evaluation, Projection, System, Weights};
+use springs_assembly::{Evaluation, Lines, System, Weights};
 use springs_solver::{Interrupt, SolveError};
 
 /// Order 4 with an embedded result of order 3, L-stable, linearly implicit: one
@@ -171,14 +171,7 @@ impl Method for Rodas4 {
     ) -> Result<Option<ErrorEstimate>, MethodError> {
         let (h, n_free) = (interval.size, system.n_free());
         let c = GAMMA * h;
-        let at = Evaluation {
-            x: &state.x,
-            v: &state.v,
-            projection: Projection::None,
-            tensions: None,
-            dashpot_tension: false,
-            weights: Weights::of_step(c),
-        };
+        let at = Evaluation::new(&state.x, &state.v, Weights::of_step(c));
         self.linear.linearize(system, at, work)?;
         work.counts.force_evaluations += 1;
         // The load of the anchors is −(hγ)²H v over them.
@@ -190,7 +183,6 @@ impl Method for Rodas4 {
             *drift = load / (c * c);
         }
         self.stage.v.copy_from_slice(&state.v);
-        let springs = system.springs();
         let anchors_move = system.any_anchor_moves(&state.v);
         let change_at = Evaluation {
             weights: Weights::STIFFNESS,
@@ -201,7 +193,7 @@ impl Method for Rodas4 {
         if anchors_move {
             self.stage.x[..n_free].fill(Vector3::zeros());
             self.stage.x[n_free..].copy_from_slice(&state.v[n_free..]);
-            power_drift = springs.anchor_power_change(&change_at, &self.stage.x);
+            power_drift = system.anchor_power_change(&change_at, &self.stage.x);
         }
         let mut works = [0.0; STAGES];
         for stage in 0..STAGES {
@@ -225,8 +217,8 @@ impl Method for Rodas4 {
             self.solve(system, stage, h, work)?;
             if anchors_move {
                 let known = weighted(C[stage], &works) / h + GAMMAS[stage] * h * power_drift;
-                let power = springs.anchor_power(&self.stage.x, &self.stage.v);
-                let change = springs.anchor_power_change(&change_at, &self.stages[stage].x);
+                let power = system.anchor_power(&self.stage.x, &self.stage.v);
+                let change = system.anchor_power_change(&change_at, &self.stages[stage].x);
                 works[stage] = c * (power + change + known);
             }
         }
@@ -260,7 +252,7 @@ impl Method for Rodas4 {
 
     fn flows(&self) -> Option<Flows> {
         Some(Flows {
-            dashpot_heat: 0.0,
+            heat: Lines::default(),
             anchor_work: self.anchor_work,
         })
     }

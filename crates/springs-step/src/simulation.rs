@@ -17,7 +17,7 @@ use crate::{
     Cause, Choice, Counts, Flows, HiddenState, Interval, Ledger, Method, MethodError, NodeStates,
     Observer, Outcome, Patience, SetupError, State, StepError, StepPlan, Stepper, Work,
 };
-use springs_assembly::{Energy, System, compile};
+use springs_assembly::{Emitter, Energy, System, compile, compile_with};
 use springs_scene::Scene;
 use springs_solver::Interrupt;
 use std::ops::ControlFlow;
@@ -121,7 +121,27 @@ impl Simulation {
     ///
     /// If the scene is wrong or the method cannot move it.
     pub fn new(scene: &Scene) -> Result<Self, SetupError> {
-        let system = compile(scene)?;
+        Self::of_system(scene, compile(scene)?)
+    }
+
+    /// The same with more emitters than those of the scene, on its nodes.
+    ///
+    /// # Errors
+    ///
+    /// If the scene is wrong, the method cannot move it, or there are too many
+    /// emitters.
+    ///
+    /// # Panics
+    ///
+    /// If an emitter asks for a node that is not there.
+    pub fn with_emitters(
+        scene: &Scene,
+        emitters: Vec<Box<dyn Emitter>>,
+    ) -> Result<Self, SetupError> {
+        Self::of_system(scene, compile_with(scene, emitters)?)
+    }
+
+    fn of_system(scene: &Scene, system: System) -> Result<Self, SetupError> {
         let start = start(scene, &system)?;
         let between = Between::of(&start.choice, &*start.method, &system)?;
         Self::starting(scene, system, start, between)

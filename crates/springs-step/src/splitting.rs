@@ -92,10 +92,10 @@ impl Splitting {
             let mirrored = half.iter().rev().skip(usize::from(shared));
             half.iter().chain(mirrored).copied().collect()
         };
-        let seen = if system.dashpots().is_empty() {
-            Vec::new()
-        } else {
+        let seen = if system.is_damped() {
             system.initial_velocities().to_vec()
+        } else {
+            Vec::new()
         };
         Self {
             order,
@@ -143,7 +143,7 @@ impl Method for Splitting {
         work: &mut Work,
     ) -> Result<Option<ErrorEstimate>, MethodError> {
         let h = interval.size;
-        let is_damped = !system.dashpots().is_empty();
+        let is_damped = system.is_damped();
         if !self.accelerations_are_known {
             Self::accelerate(system, &state.x, &state.v, &mut self.accelerations, work);
             self.accelerations_are_known = true;

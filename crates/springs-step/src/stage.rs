@@ -4,7 +4,7 @@ use crate::linear::{Damping, Hessian, LinearSystem, Linearized, OnDemand, Purpos
 use crate::method::spread;
 use crate::{HiddenState, MethodError, State, Work};
 use nalgebra::Vector3;
-use springs_assembly::{Evaluation, ForceEmitter as _, Projection, System, Weights};
+use springs_assembly::{Evaluation, Projection, System, Weights};
 use springs_solver::{Interrupt, SolveError};
 
 /// Solver of M v = p + c f(x, v), x = q + c v for the velocities v of a stage.
@@ -88,7 +88,7 @@ impl Stage {
             delta: vec![Vector3::zeros(); system.numbering().n_nodes()],
             start: State::initial(system),
             trial: State::initial(system),
-            tensions: vec![0.0; system.springs().len()],
+            tensions: vec![0.0; system.n_carried()],
             frequency_bound: system.frequency_bound(),
             largest_coordinate: 0.0,
         })
@@ -111,7 +111,7 @@ impl Stage {
             state.x[block] += v * c;
         }
         self.tensions.copy_from_slice(tensions);
-        self.largest_coordinate = system.springs().largest_coordinate(&state.x);
+        self.largest_coordinate = system.largest_coordinate(&state.x);
         let rounds = if problem.accuracy.is_some() {
             ROUNDS_OF_ADAPTIVE_STEPS
         } else {
@@ -128,7 +128,7 @@ impl Stage {
             state.x.copy_from_slice(&self.start.x);
             state.v.copy_from_slice(&self.start.v);
             let descent = self.descend(system, problem, state, work)?;
-            system.springs().tensions(&state.x, &mut self.tensions);
+            system.carried(&state.x, &mut self.tensions);
             match descent {
                 Descent::Converged => {
                     tensions.copy_from_slice(&self.tensions);
@@ -230,16 +230,14 @@ impl Stage {
         work: &mut Work,
     ) -> Result<f64, MethodError> {
         let c = problem.c;
-        let tensions = (kind == Iteration::Filtered).then_some(&*self.tensions);
+        let carried = (kind == Iteration::Filtered).then_some(&*self.tensions);
         work.counts.newton_iterations += 1;
         work.counts.force_evaluations += 1;
         let at = Evaluation {
-            x: &state.x,
-            v: &state.v,
             projection: Projection::Clamp,
-            tensions,
-            dashpot_tension: true,
-            weights: Weights::of_step(c),
+            carried,
+            velocity_stiffness: true,
+            ..Evaluation::new(&state.x, &state.v, Weights::of_step(c))
         };
         let on_demand = match kind {
             Iteration::Clamped => OnDemand::Always,
@@ -254,8 +252,7 @@ impl Stage {
                 purpose: Purpose::Correction,
             },
             |out, delta| {
-                let dashpots = system.dashpots();
-                dashpots.add_forces(&state.x, &state.v, &mut out.forces);
+                system.add_damping_forces(&state.x, &state.v, &mut out.forces);
                 let known = problem.momenta.iter().zip(&out.forces);
                 let momenta = system.masses().iter().zip(&state.v);
                 for (((p, f), (m, v)), delta) in known.zip(momenta).zip(&mut *delta) {
@@ -283,9 +280,8 @@ impl Stage {
 
     /// T ← K(l − l₀) plus K times the change of length by the correction.
     fn predict(&mut self, system: &System, state: &State, c: f64) {
-        system
-            .springs()
-            .predict_tensions(&state.x, &self.delta, c, &mut self.tensions);
+        let tensions = &mut self.tensions;
+        system.predict_carried(&state.x, &self.delta, c, tensions);
     }
 
     /// As [`crate::Method::set_interrupt`].
@@ -328,21 +324,7 @@ impl Stage {
         products: &mut [Vector3<f64>],
     ) {
         momenta_of(system, y, products);
-        if !system.dashpots().is_empty() {
-            let at = Evaluation {
-                x: &state.x,
-                v: &state.v,
-                projection: Projection::None,
-                tensions: None,
-                dashpot_tension: false,
-                weights: Weights {
-                    mass: 0.0,
-                    damping: c,
-                    stiffness: 0.0,
-                },
-            };
-            system.dashpots().add_products(&at, y, products);
-        }
+        system.add_damping_product(&state.x, &state.v, c, y, products);
     }
 
     /// Lets free nodes without mass go where their springs are in balance, which
@@ -371,8 +353,8 @@ impl Stage {
             return Ok(());
         }
         momenta_of(system, &state.v, &mut momenta);
-        let mut tensions = vec![0.0; system.springs().len()];
-        system.springs().tensions(&state.x, &mut tensions);
+        let mut tensions = vec![0.0; system.n_carried()];
+        system.carried(&state.x, &mut tensions);
         let mut solve = |part: f64, state: &State| {
             let mut solved = state.clone();
             let problem = StageProblem {
@@ -458,13 +440,17 @@ impl Stage {
         state: &State,
         at: &State,
     ) -> (f64, f64) {
-        let (kinetic, gravity) = system.kinetic_and_gravity_energy(&state.x, &state.v);
-        let elastic = system.springs().energy_on_free_blocks(&state.x);
+        let kinetic = system.kinetic_energy(&state.v);
+        let mut potential = system.potential_on_free_blocks(&state.x);
         let free = problem.momenta.iter().zip(&state.v);
         let carried: f64 = free.map(|(p, v)| p.dot(v)).sum();
-        let heat = 0.5 * problem.c * system.dashpots().dissipation(&at.x, &state.v);
-        let size = kinetic + elastic + gravity.abs() + carried.abs() + heat;
-        (kinetic + elastic + gravity - carried + heat, 1e-13 * size)
+        let heat = 0.5 * problem.c * system.dissipation(&at.x, &state.v).sum();
+        let merit = kinetic + potential.sum() - carried + heat;
+        potential
+            .iter_mut()
+            .for_each(|energy| *energy = energy.abs());
+        let size = kinetic + potential.sum() + carried.abs() + heat;
+        (merit, 1e-13 * size)
     }
 }
 
@@ -479,8 +465,8 @@ pub(crate) struct Tensions {
 impl Tensions {
     pub(crate) fn new(system: &System) -> Self {
         Self {
-            start: vec![0.0; system.springs().len()],
-            end: vec![0.0; system.springs().len()],
+            start: vec![0.0; system.n_carried()],
+            end: vec![0.0; system.n_carried()],
             are_known: false,
         }
     }
@@ -497,7 +483,7 @@ impl Tensions {
     /// Begins a step at the given positions; `end` is then the guess.
     pub(crate) fn begin(&mut self, system: &System, x: &[Vector3<f64>]) {
         if !self.are_known {
-            system.springs().tensions(x, &mut self.start);
+            system.carried(x, &mut self.start);
             self.are_known = true;
         }
         self.end.copy_from_slice(&self.start);

@@ -269,12 +269,11 @@ impl Stepper {
 
     /// The spring that pulls or pushes most at a block in the present state.
     fn suspect(&self, block: usize) -> Option<Suspect> {
-        let springs = self.system.springs();
-        let (index, length) = springs.most_strained_at(block, &self.state.x)?;
+        let strained = self.system.most_strained_at(block, &self.state.x)?;
         Some(Suspect {
-            spring: springs.scene_index(index),
-            length,
-            stiffness: springs.stiffness(index),
+            spring: strained.spring,
+            length: strained.length,
+            stiffness: strained.stiffness,
             stable_step: self.system.stable_step_at(block),
         })
     }

@@ -334,7 +334,7 @@ impl Method for TrBdf2 {
             mut velocities,
         } = self.last;
         let damping = |time_scale, passes| Damping {
-            tensions: Some(&self.tensions.end),
+            carried: Some(&self.tensions.end),
             time_scale,
             passes,
         };

@@ -165,8 +165,8 @@ fn fate(scene: &Scene, interrupt: &Interrupt) -> Option<Fate> {
     let gain = ledger.method_gain(&end);
     let turned_over = moving(&ledger.start)
         .max(moving(&end))
-        .max((end.gravity - ledger.start.gravity).abs())
-        .max(ledger.dashpot_heat)
+        .max((end.gravity() - ledger.start.gravity()).abs())
+        .max(ledger.heat.sum())
         .max(ledger.anchor_work.abs());
     Some(match gain / turned_over {
         part if part.is_nan() && turned_over == 0.0 => Fate::Kept,
@@ -178,7 +178,7 @@ fn fate(scene: &Scene, interrupt: &Interrupt) -> Option<Fate> {
 }
 
 fn moving(energy: &Energy) -> f64 {
-    energy.kinetic + energy.elastic
+    energy.kinetic + energy.elastic()
 }
 
 /// `method,step,stiffness_factor,fate`, a row per run.

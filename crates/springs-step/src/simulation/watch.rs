@@ -3,7 +3,7 @@
 use super::Simulation;
 use crate::choose::Schedule;
 use crate::{Cause, Counts, Interval};
-use springs_assembly::ForceEmitter as _;
+use springs_assembly::Lines;
 
 /// Evaluations of forces between two looks at the energy of springs, where no
 /// linear system is solved, beside which a look costs nothing.
@@ -31,35 +31,43 @@ impl Simulation {
         anchor_work: f64,
     ) -> Option<Cause> {
         let (system, state) = (self.stepper.system(), self.stepper.state());
-        let now = self.work.counts;
+        let done = self.work.counts;
         let is_last = match self.schedule {
             Schedule::Fixed(plan) => self.stepper.steps() + 1 >= plan.n_steps(),
             Schedule::Adaptive(_) | Schedule::Open(_) => interval.end >= self.duration,
         };
         let looks = is_last
-            || now.solves > counts.solves
-            || now.force_evaluations / LOOK_AT_SPRINGS > counts.force_evaluations / LOOK_AT_SPRINGS;
+            || done.solves > counts.solves
+            || done.force_evaluations / LOOK_AT_SPRINGS
+                > counts.force_evaluations / LOOK_AT_SPRINGS;
         let kinetic = self.stepper.kinetic_energy();
         let mut elastic = 0.0;
         if looks {
-            elastic = system.springs().energy(&state.x);
-            if !(kinetic + elastic + system.gravity_energy(&state.x)).is_finite() {
+            let energy = system.energy(&state.x, &state.v);
+            if !energy.total().is_finite() {
                 return Some(Cause::EnergyOverflow);
             }
+            elastic = stored(&energy.potential);
         }
         if kinetic + elastic <= IMPOSSIBLE * self.most_energy {
             return None;
         }
         if looks {
-            elastic = system.springs().energy_beyond(NOTABLE_STRAIN, &state.x);
+            elastic = stored(&system.energy_beyond(NOTABLE_STRAIN, &state.x));
         }
         let start = self.ledger.start;
-        let fallen = (start.gravity - system.gravity_energy(&state.x)).abs();
+        let now = system.energy(&state.x, &state.v);
+        let fallen = (start.gravity() - now.gravity()).abs();
         // Every step rounds once more.
-        let rounding = system.springs().energy_of_rounding(&state.x);
+        let rounding = system.energy_of_rounding(&state.x);
         let rounded = (self.stepper.steps() + 1) as f64 * rounding;
-        let known = start.kinetic + start.elastic + anchor_work.abs() + fallen + rounded;
+        let known = start.kinetic + stored(&start.potential) + anchor_work.abs() + fallen + rounded;
         self.most_energy = self.most_energy.max(known);
         (kinetic + elastic > IMPOSSIBLE * self.most_energy).then_some(Cause::EnergyDiverged)
     }
+}
+
+/// Energy in springs and the like: all but that of gravity, which has no zero.
+fn stored(potential: &Lines) -> f64 {
+    potential.sum() - potential[Lines::GRAVITY]
 }

@@ -1,0 +1,198 @@
+//! Connections between two nodes, sorted by what their ends are.
+
+use crate::Numbering;
+use crate::matrix::{PairBlocks, add, times};
+use nalgebra::Vector3;
+use std::ops::Range;
+
+/// The connections of one batch in three runs, each in the order given:
+/// *interior* ones join two free nodes; *anchored* ones join a free node (the
+/// first end) to a fixed one; the rest join two fixed nodes and only have
+/// energy.
+#[derive(Clone, Debug)]
+pub(crate) struct Connections {
+    ends: Vec<[u32; 2]>,
+    /// Pair of the matrix of each interior connection.
+    pairs: Vec<u32>,
+    interior: usize,
+    anchored: usize,
+}
+
+/// Where the ends of a connection are.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Kind {
+    Interior,
+    Anchored,
+    Fixed,
+}
+
+impl Connections {
+    /// Between nodes of the scene, in any order; blocks are unknown until
+    /// [`Self::number`].
+    pub(crate) fn between(nodes: impl Iterator<Item = [usize; 2]>) -> Self {
+        let ends: Vec<[u32; 2]> = nodes.map(|nodes| nodes.map(|node| node as u32)).collect();
+        Self {
+            interior: 0,
+            anchored: 0,
+            pairs: Vec::new(),
+            ends,
+        }
+    }
+
+    /// Turns nodes into blocks and sorts; gives the place that each connection had
+    /// before.
+    pub(crate) fn number(&mut self, numbering: &Numbering) -> Vec<usize> {
+        for ends in &mut self.ends {
+            *ends = ends.map(|node| numbering.block(node as usize) as u32);
+            // The free end is the first.
+            if numbering.is_fixed(ends[0]) {
+                ends.swap(0, 1);
+            }
+        }
+        let kind = |ends: &[u32; 2]| match ends.map(|block| numbering.is_fixed(block)) {
+            [false, false] => Kind::Interior,
+            [true, true] => Kind::Fixed,
+            _ => Kind::Anchored,
+        };
+        let mut order: Vec<usize> = (0..self.ends.len()).collect();
+        order.sort_by_key(|&index| kind(&self.ends[index]));
+        self.ends = order.iter().map(|&index| self.ends[index]).collect();
+        let upto = |last: Kind| self.ends.partition_point(|ends| kind(ends) <= last);
+        (self.interior, self.anchored) = (upto(Kind::Interior), upto(Kind::Anchored));
+        order
+    }
+
+    pub(crate) fn place(&mut self, pairs: &[u32]) {
+        assert_eq!(pairs.len(), self.interior, "one pair per interior one");
+        self.pairs = pairs.to_vec();
+    }
+
+    pub(crate) fn each_stencil(&self, visit: &mut dyn FnMut(&[u32])) {
+        self.ends[self.live()].iter().for_each(|ends| visit(ends));
+    }
+
+    /// The blocks at its ends that are free.
+    #[inline(always)]
+    pub(crate) fn free_ends(&self, connection: usize) -> &[u32] {
+        let ends = &self.ends[connection];
+        if connection < self.interior {
+            ends
+        } else if connection < self.anchored {
+            &ends[..1]
+        } else {
+            &[]
+        }
+    }
+
+    pub(crate) fn ends(&self) -> &[[u32; 2]] {
+        &self.ends
+    }
+
+    /// Both ends are free.
+    pub(crate) fn interior(&self) -> Range<usize> {
+        0..self.interior
+    }
+
+    /// One end is free, the other is fixed.
+    pub(crate) fn anchored(&self) -> Range<usize> {
+        self.interior..self.anchored
+    }
+
+    /// Both ends are fixed.
+    pub(crate) fn between_fixed(&self) -> Range<usize> {
+        self.anchored..self.ends.len()
+    }
+
+    /// At least one end is free.
+    pub(crate) fn live(&self) -> Range<usize> {
+        0..self.anchored
+    }
+
+    /// Adds one value per connection to the free blocks at its ends.
+    pub(crate) fn add_to_ends(&self, values: impl Iterator<Item = f64>, sums: &mut [f64]) {
+        for (index, value) in values.enumerate() {
+            for &block in self.free_ends(index) {
+                sums[block as usize] += value;
+            }
+        }
+    }
+
+    /// The second end: of an anchored connection, its fixed node.
+    #[inline(always)]
+    pub(crate) fn second(&self, connection: usize, x: &[Vector3<f64>]) -> Vector3<f64> {
+        x[self.ends[connection][1] as usize]
+    }
+
+    /// x₁ − x₀, or the same of velocities.
+    #[inline(always)]
+    pub(crate) fn difference(&self, connection: usize, x: &[Vector3<f64>]) -> Vector3<f64> {
+        let [a, b] = self.ends[connection];
+        x[b as usize] - x[a as usize]
+    }
+
+    /// Adds the force on end 0, and its negative on end 1 if that is free.
+    #[inline(always)]
+    pub(crate) fn add_force(
+        &self,
+        connection: usize,
+        force: Vector3<f64>,
+        forces: &mut [Vector3<f64>],
+    ) {
+        let [a, b] = self.ends[connection];
+        forces[a as usize] += force;
+        if connection < self.interior {
+            forces[b as usize] -= force;
+        }
+    }
+
+    /// Adds [[B, −B], [−B, B]] of an interior connection.
+    #[inline(always)]
+    pub(crate) fn add_block(
+        &self,
+        connection: usize,
+        block: &[f64; 6],
+        diagonal: &mut [[f64; 6]],
+        pairs: &mut impl PairBlocks,
+    ) {
+        let [a, b] = self.ends[connection];
+        add(&mut diagonal[a as usize], block);
+        add(&mut diagonal[b as usize], block);
+        pairs.subtract_symmetric(self.pairs[connection], block);
+    }
+
+    /// [`Self::add_block`] of an anchored connection, and what the velocity of
+    /// its anchor brings to the right-hand side: −(−B)·v.
+    #[inline(always)]
+    pub(crate) fn add_anchored_block(
+        &self,
+        connection: usize,
+        block: &[f64; 6],
+        v: &[Vector3<f64>],
+        diagonal: &mut [[f64; 6]],
+        anchor_load: &mut [Vector3<f64>],
+    ) {
+        let [free, anchor] = self.ends[connection];
+        add(&mut diagonal[free as usize], block);
+        anchor_load[free as usize] += times(block, &v[anchor as usize]);
+    }
+
+    /// Adds weight·[[B, −B], [−B, B]] y on the free ends; fixed ends do not move.
+    #[inline(always)]
+    pub(crate) fn add_product(
+        &self,
+        connection: usize,
+        block: &[f64; 6],
+        weight: f64,
+        y: &[Vector3<f64>],
+        products: &mut [Vector3<f64>],
+    ) {
+        let [a, b] = self.ends[connection].map(|block| block as usize);
+        let is_interior = connection < self.interior;
+        let difference = if is_interior { y[a] - y[b] } else { y[a] };
+        let product = times(block, &difference) * weight;
+        products[a] += product;
+        if is_interior {
+            products[b] -= product;
+        }
+    }
+}
