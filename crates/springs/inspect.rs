@@ -2,7 +2,7 @@
 
 use crate::proportions;
 use springs_assembly::Motion;
-use springs_scene::{Method, Scene, Spring};
+use springs_scene::{Scene, Spring};
 use springs_step::{Islands, Pace, Part, Simulation};
 use std::collections::HashMap;
 
@@ -329,27 +329,31 @@ fn list_odd_steps(simulation: &Simulation, suspicious: &mut Vec<String>) {
     let Pace::Fixed(h) = choice.pace else {
         return;
     };
+    let Some(row) = choice.properties() else {
+        return;
+    };
+    let method = choice.method;
     let frequency = system.frequency_bound();
-    let rate = system.damping_rate_bound();
-    match choice.method {
-        Method::VelocityVerlet if h * frequency > 2.0 => suspicious.push(format!(
-            "the step of {h} s may be unstable with {}: the stiffest node allows {:.2e} s",
-            choice.method,
-            2.0 / frequency
-        )),
-        Method::VelocityVerlet if h * rate > 2.0 => suspicious.push(format!(
-            "the step of {h} s may be unstable with {}: the strongest dashpots allow {:.2e} s",
-            choice.method,
-            2.0 / rate
-        )),
-        Method::LinearlyImplicitEuler if h * frequency > 1.0 && frequency.is_finite() => {
-            suspicious.push(format!(
-                "the step of {h} s does not resolve the fastest vibrations, \
-                 which need less than {:.2e} s; the method damps them out",
-                1.0 / frequency
-            ));
+    if let Some(angle) = row.stable_angle {
+        let rate = system.damping_rate_bound();
+        for (bound, what) in [
+            (frequency, "stiffest node allows"),
+            (rate, "strongest dashpots allow"),
+        ] {
+            if h * bound > angle {
+                suspicious.push(format!(
+                    "the step of {h} s may be unstable with {method}: the {what} {:.2e} s",
+                    angle / bound
+                ));
+                return;
+            }
         }
-        _ => {}
+    } else if row.order == 1 && h * frequency > 1.0 && frequency.is_finite() {
+        suspicious.push(format!(
+            "the step of {h} s does not resolve the fastest vibrations, \
+             which need less than {:.2e} s; the method damps them out",
+            1.0 / frequency
+        ));
     }
 }
 

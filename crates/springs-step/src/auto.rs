@@ -1,11 +1,11 @@
 //! The method of `Auto` with a tolerance: tried out on the scene itself.
 
-use crate::choose::{Choice, Schedule, can_move};
-use crate::controller::Controller;
+use crate::controller::{Controller, Schedule};
 use crate::linear;
+use crate::methods::{Cost, Properties, methods};
 use crate::trials::{Abandoned, EqualSteps, Trials, Unsettled, equal_steps};
 use crate::work::Counts;
-use crate::{Anchors, HiddenState, Interval, Method, SetupError, State, StepPlan, Work};
+use crate::{Anchors, Choice, HiddenState, Interval, Method, SetupError, State, StepPlan, Work};
 use springs_assembly::System;
 use springs_scene::{self as scene, Scene};
 use springs_solver::{Interrupt, Price};
@@ -74,18 +74,6 @@ pub(crate) struct Picked {
     pub(crate) step_size: f64,
 }
 
-/// Method, force evaluations of an attempt (a whole step and two halves, where
-/// there is no estimate of its own), angle ωh up to which it is stable, and what
-/// the method itself does per node and evaluation, in ns.
-const EXPLICIT: [(scene::Method, f64, f64, f64); 4] = [
-    (scene::Method::Dop853, 12.0, 5.9, 18.0),
-    (scene::Method::VelocityVerlet, 3.0, 2.0, 3.0),
-    (scene::Method::BlanesMoan4, 18.0, 5.0, 3.0),
-    (scene::Method::BlanesMoan6, 33.0, 9.0, 3.0),
-];
-/// RODAS4 is not among them: from rest it promises steps that it does not keep.
-const IMPLICIT: [scene::Method; 1] = [scene::Method::TrBdf2];
-
 /// Trying a candidate may cost this part of what is left to do.
 const SHARE: f64 = 0.1;
 /// Attempts that a trial takes at most, and usually.
@@ -119,27 +107,27 @@ impl Auto {
         let fastest = system.frequency_bound().max(system.damping_rate_bound());
         let costs = Costs::of(system);
         let n_nodes = system.n_free() as f64;
-        let candidate = |method, evaluations, longest_step, per_node| Candidate {
-            choice: Choice {
-                method,
-                ..choice.clone()
-            },
-            longest_step,
-            evaluations,
-            evaluation: costs.force + per_node * n_nodes,
-            idle: None,
+        let candidate = |row: &Properties| {
+            let Cost {
+                evaluations,
+                per_node,
+            } = row.cost?;
+            let can_move = row.can_move(scene, system).is_ok();
+            can_move.then(|| Candidate {
+                choice: Choice {
+                    method: row.method,
+                    ..choice.clone()
+                },
+                longest_step: row
+                    .stable_angle
+                    .map_or(f64::INFINITY, |angle| angle / fastest),
+                evaluations,
+                evaluation: costs.force + per_node * n_nodes,
+                idle: None,
+            })
         };
-        let explicit = EXPLICIT
-            .iter()
-            .map(|&(method, evaluations, angle, per_node)| {
-                candidate(method, evaluations, angle / fastest, per_node)
-            });
-        let implicit = IMPLICIT.map(|method| candidate(method, 0.0, f64::INFINITY, 0.0));
-        let candidates = explicit.chain(implicit);
         Self {
-            candidates: candidates
-                .filter(|candidate| can_move(scene, system, candidate.choice.method).is_ok())
-                .collect(),
+            candidates: methods().iter().filter_map(candidate).collect(),
             current: 0,
             costs,
             spent: 0.0,

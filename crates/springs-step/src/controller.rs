@@ -1,6 +1,15 @@
 //! Step sizes from error estimates.
 
-use crate::{ErrorEstimate, HiddenState};
+use crate::{ErrorEstimate, HiddenState, StepPlan};
+
+/// Where the next step comes from.
+pub(crate) enum Schedule {
+    Fixed(StepPlan),
+    Adaptive(Controller),
+    /// Trial runs settle it before the first step; so far nothing moves. The
+    /// controller is what the tolerance would begin with.
+    Open(Controller),
+}
 
 /// A proportional–integral controller (Gustafsson, ACM TOMS 17, 1991) that
 /// keeps the estimated error of the whole duration at the tolerance.

@@ -8,8 +8,8 @@ mod trials;
 mod watch;
 
 use crate::auto::{Auto, Picked};
-use crate::choose::{Schedule, Start, start};
-use crate::controller::{Controller, Verdict};
+use crate::choose::{Start, start};
+use crate::controller::{Controller, Schedule, Verdict};
 use crate::frames::{AT_THE_END, Frames, Shown};
 use crate::interpolate::Between;
 use crate::observer::{either, offer};

@@ -6,6 +6,7 @@ use super::{Options, Study, StudyError};
 use serde::Serialize;
 use springs_scene::{Method, Scene, StepControl};
 use springs_solver::Interrupt;
+use springs_step::properties;
 
 /// What a run was asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -188,17 +189,9 @@ fn settings(scene: &Scene, method: Method, worthless_from: f64) -> Vec<Setting> 
         let text = format!("{digit}e{}", decade - (k + 1) / 2);
         Setting::Tolerance(text.parse().expect("a digit and an exponent"))
     };
-    let fixed = matches!(
-        method,
-        Method::LinearlyImplicitEuler
-            | Method::VelocityVerlet
-            | Method::BlanesMoan4
-            | Method::BlanesMoan6
-            | Method::FilteredLeapfrog
-            | Method::ImplicitMidpoint
-    );
+    let by_steps = properties(method).is_some_and(|row| row.is_compared_by_steps);
     let all = (0..HALVINGS).rev();
-    if fixed {
+    if by_steps {
         all.map(steps).collect()
     } else {
         all.map(tolerance).collect()

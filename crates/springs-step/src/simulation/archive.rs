@@ -2,7 +2,7 @@
 
 use super::{Simulation, Switch};
 use crate::auto::Settled;
-use crate::choose::Schedule;
+use crate::controller::Schedule;
 use crate::{Choice, HiddenState, StepPlan};
 use springs_scene::Method;
 

@@ -1,7 +1,6 @@
 //! Shorter steps in place of one that fails.
 
 use super::Simulation;
-use crate::choose::keeps_its_step;
 use crate::{Cause, Flows, Interval, StepError};
 
 /// Parts of a step that fails may be as short as this part of it.
@@ -26,7 +25,8 @@ impl Simulation {
                     | Cause::Interrupted
             )
         };
-        let is_allowed = self.substeps_are_allowed && !keeps_its_step(self.choice.method);
+        let is_allowed = self.substeps_are_allowed
+            && !self.choice.properties().is_some_and(|row| row.keeps_step);
         if !is_allowed || is_final(error.cause) {
             return Err(error);
         }

@@ -2,7 +2,8 @@
 
 use super::{Simulation, Switch};
 use crate::auto::Settled;
-use crate::choose::{Schedule, settle_equal_steps};
+use crate::choose::settle_equal_steps;
+use crate::controller::Schedule;
 use crate::interpolate::Between;
 use crate::trials::{Abandoned, Trials, Unsettled};
 use crate::{Cause, HiddenState, Interval, StepError, StepPlan};
