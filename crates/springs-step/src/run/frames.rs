@@ -1,6 +1,6 @@
 //! The frames of a run that are still to come.
 
-use crate::observer::Frame;
+use crate::run::observer::Frame;
 use crate::{HiddenState, NodeStates, Observer};
 use std::ops::ControlFlow;
 

@@ -1,9 +1,9 @@
 //! Which method and step a scene's settings come down to.
 
-use crate::auto::{Auto, Picked};
-use crate::controller::{Controller, Schedule};
-use crate::methods::properties;
-use crate::trials::{EqualSteps, Trials, Unsettled, equal_steps};
+use crate::control::auto::{Auto, Picked};
+use crate::control::controller::{Controller, Schedule};
+use crate::control::trials::{EqualSteps, Trials, Unsettled, equal_steps};
+use crate::method::table::properties;
 use crate::{Anchors, Choice, Method, Pace, SetupError, Splitting, StepPlan};
 use springs_assembly::System;
 use springs_scene::{self as scene, Scene, StepControl, Tangent};

@@ -1,8 +1,8 @@
 //! Filtered leapfrog: Verlet with kicks that pass through a stiffness matrix.
 
 use crate::flows::Impulses;
-use crate::linear::{Hessian, LinearSystem, Linearized, OnDemand, Purpose};
-use crate::stage::Stage;
+use crate::implicit::linear::{Hessian, LinearSystem, Linearized, OnDemand, Purpose};
+use crate::implicit::stage::Stage;
 use crate::{
     Anchors, ErrorEstimate, Flows, HiddenState, Interval, Method, MethodError, State, Work,
 };

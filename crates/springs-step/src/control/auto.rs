@@ -1,9 +1,9 @@
 //! The method of `Auto` with a tolerance: tried out on the scene itself.
 
-use crate::controller::{Controller, Schedule};
-use crate::linear;
-use crate::methods::{Cost, Properties, methods};
-use crate::trials::{Abandoned, EqualSteps, Trials, Unsettled, equal_steps};
+use crate::control::controller::{Controller, Schedule};
+use crate::control::trials::{Abandoned, EqualSteps, Trials, Unsettled, equal_steps};
+use crate::implicit::linear;
+use crate::method::table::{Cost, Properties, methods};
 use crate::work::Counts;
 use crate::{Anchors, Choice, HiddenState, Interval, Method, SetupError, State, StepPlan, Work};
 use springs_assembly::System;

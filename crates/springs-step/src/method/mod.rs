@@ -1,5 +1,16 @@
 //! What a time integration method is.
 
+pub(crate) mod dop853;
+pub(crate) mod doubling;
+pub(crate) mod filtered_leapfrog;
+pub(crate) mod implicit_euler;
+pub(crate) mod implicit_midpoint;
+pub(crate) mod linearly_implicit_euler;
+pub(crate) mod rodas4;
+pub(crate) mod splitting;
+pub(crate) mod table;
+pub(crate) mod tr_bdf2;
+
 use crate::{Anchors, Flows, HiddenState, MethodError, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::System;

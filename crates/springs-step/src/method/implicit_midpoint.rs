@@ -1,7 +1,7 @@
 //! Implicit midpoint, converged.
 
 use crate::flows::Impulses;
-use crate::stage::{Stage, StageProblem, Tensions, momenta_of};
+use crate::implicit::stage::{Stage, StageProblem, Tensions, momenta_of};
 use crate::{
     Anchors, ErrorEstimate, Flows, HiddenState, Interval, Method, MethodError, State, Work,
 };

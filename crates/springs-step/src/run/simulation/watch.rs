@@ -1,7 +1,7 @@
 //! A watch over the energy of every step.
 
 use super::Simulation;
-use crate::controller::Schedule;
+use crate::control::controller::Schedule;
 use crate::{Cause, Counts, Interval};
 use springs_assembly::Lines;
 

@@ -1,8 +1,8 @@
 //! RODAS4: a Rosenbrock method of order 4.
 
-use crate::linear::{Hessian, LinearSystem, Purpose};
+use crate::implicit::linear::{Hessian, LinearSystem, Purpose};
+use crate::implicit::stage::largest;
 use crate::method::{spread, time_scale};
-use crate::stage::largest;
 use crate::work::timed;
 use crate::{
     Anchors, ErrorEstimate, Flows, HiddenState, Interval, Method, MethodError, State, Work,

@@ -1,6 +1,6 @@
 //! The implicit stage that all converged methods share, and its Newton solver.
 
-use crate::linear::{Damping, Hessian, LinearSystem, Linearized, OnDemand, Purpose};
+use crate::implicit::linear::{Damping, Hessian, LinearSystem, Linearized, OnDemand, Purpose};
 use crate::method::spread;
 use crate::{HiddenState, MethodError, State, Work};
 use nalgebra::Vector3;

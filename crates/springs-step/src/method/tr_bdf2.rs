@@ -1,8 +1,8 @@
 //! TR-BDF2: a trapezoidal stage, then a backward difference stage.
 
 use crate::flows::Impulses;
-use crate::linear::Damping;
-use crate::stage::{Stage, StageProblem, Tensions, largest};
+use crate::implicit::linear::Damping;
+use crate::implicit::stage::{Stage, StageProblem, Tensions, largest};
 use crate::{
     Anchors, ErrorEstimate, Flows, HiddenState, Interval, Method, MethodError, State, Work,
 };

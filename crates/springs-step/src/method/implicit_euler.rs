@@ -1,8 +1,8 @@
 //! Implicit Euler, converged.
 
 use crate::flows::Impulses;
-use crate::linear::Damping;
-use crate::stage::{Stage, StageProblem, Tensions, momenta_of};
+use crate::implicit::linear::Damping;
+use crate::implicit::stage::{Stage, StageProblem, Tensions, momenta_of};
 use crate::{
     Anchors, ErrorEstimate, Flows, HiddenState, Interval, Method, MethodError, State, Work,
 };

@@ -1,8 +1,8 @@
 //! How far a system can still move from where it is.
 
 use crate::State;
-use crate::checked_solver::for_solver;
-use crate::linear::{Hessian, Steps, numbers_mut, positions_of, solver_options};
+use crate::implicit::checked_solver::for_solver;
+use crate::implicit::linear::{Hessian, Steps, numbers_mut, positions_of, solver_options};
 use nalgebra::Vector3;
 use springs_assembly::{Evaluation, Linearization, Motion, Projection, System, Weights};
 use springs_solver::{Experience, Solver};

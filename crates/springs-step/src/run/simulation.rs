@@ -7,12 +7,12 @@ mod substeps;
 mod trials;
 mod watch;
 
-use crate::auto::{Auto, Picked};
-use crate::choose::{Start, start};
-use crate::controller::{Controller, Schedule, Verdict};
-use crate::frames::{AT_THE_END, Frames, Shown};
-use crate::interpolate::Between;
-use crate::observer::{either, offer};
+use crate::control::auto::{Auto, Picked};
+use crate::control::choose::{Start, start};
+use crate::control::controller::{Controller, Schedule, Verdict};
+use crate::run::dense_output::Between;
+use crate::run::frames::{AT_THE_END, Frames, Shown};
+use crate::run::observer::{either, offer};
 use crate::{
     Cause, Choice, Counts, Flows, HiddenState, Interval, Ledger, Method, MethodError, NodeStates,
     Observer, Outcome, Patience, SetupError, State, StepError, StepPlan, Stepper, Work,

@@ -1,8 +1,8 @@
 //! What a run has come to, saved and loaded.
 
 use super::{Simulation, Switch};
-use crate::auto::Settled;
-use crate::controller::Schedule;
+use crate::control::auto::Settled;
+use crate::control::controller::Schedule;
 use crate::{Choice, HiddenState, StepPlan};
 use springs_scene::Method;
 

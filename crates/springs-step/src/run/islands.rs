@@ -1,10 +1,10 @@
 //! Parts of a scene that do not feel each other, each on its own way.
 
-use crate::frames::{Frames, Shown};
-use crate::observer::{either, offer};
-use crate::parallel::{in_parallel, in_parallel_watched};
-use crate::rest::Rest;
-use crate::simulation::Pause;
+use crate::run::frames::{Frames, Shown};
+use crate::run::observer::{either, offer};
+use crate::run::parallel::{in_parallel, in_parallel_watched};
+use crate::run::simulation::Pause;
+use crate::run::sleep::Rest;
 use crate::{
     Account, Cause, ForeignState, HiddenState, Ledger, NodeStates, Observer, Outcome, Patience,
     SetupError, Simulation, StepError, Suspect, Work,

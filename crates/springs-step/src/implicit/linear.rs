@@ -1,7 +1,7 @@
 //! The linear systems of methods with a matrix.
 
-use crate::checked_solver::{CheckCounts, CheckedSolver};
-use crate::components::Components;
+use crate::implicit::checked_solver::{CheckCounts, CheckedSolver};
+use crate::implicit::components::Components;
 use crate::work::timed;
 use crate::{HiddenState, MethodError, State, Work};
 use nalgebra::Vector3;

@@ -1,7 +1,7 @@
 //! Connected parts of a matrix.
 
-use crate::checked_solver::{CheckCounts, CheckedSolver};
-use crate::linear::{Hessian, Steps, numbers_mut, solver_options};
+use crate::implicit::checked_solver::{CheckCounts, CheckedSolver};
+use crate::implicit::linear::{Hessian, Steps, numbers_mut, solver_options};
 use nalgebra::Vector3;
 use springs_assembly::{BlockMatrix, OffDiagonal, System};
 use springs_solver::{Experience, Interrupt, SolveError};

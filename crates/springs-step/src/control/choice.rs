@@ -1,7 +1,7 @@
 //! What a scene is simulated with.
 
-use crate::linear::{self, Hessian};
-use crate::methods::{Properties, ToleranceKind, properties};
+use crate::implicit::linear::{self, Hessian};
+use crate::method::table::{Properties, ToleranceKind, properties};
 use crate::{Method, SetupError};
 use springs_assembly::System;
 use springs_scene::{self as scene, Scene, Tangent};

@@ -1,11 +1,11 @@
 //! Trial runs before the first step, and comparisons of methods later on.
 
 use super::{Simulation, Switch};
-use crate::auto::Settled;
-use crate::choose::settle_equal_steps;
-use crate::controller::Schedule;
-use crate::interpolate::Between;
-use crate::trials::{Abandoned, Trials, Unsettled};
+use crate::control::auto::Settled;
+use crate::control::choose::settle_equal_steps;
+use crate::control::controller::Schedule;
+use crate::control::trials::{Abandoned, Trials, Unsettled};
+use crate::run::dense_output::Between;
 use crate::{Cause, HiddenState, Interval, StepError, StepPlan};
 use std::ops::ControlFlow;
 use std::time::Instant;

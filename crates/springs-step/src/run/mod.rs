@@ -1,0 +1,10 @@
+//! The way through a duration: steps, frames, parts, sleep.
+
+pub(crate) mod dense_output;
+pub(crate) mod frames;
+pub(crate) mod islands;
+pub(crate) mod observer;
+pub(crate) mod parallel;
+pub(crate) mod simulation;
+pub(crate) mod sleep;
+pub(crate) mod stepper;
