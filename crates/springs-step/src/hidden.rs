@@ -145,6 +145,17 @@ impl HiddenState {
         }
     }
 
+    /// Whole numbers, as many as were saved.
+    pub(crate) fn words(&mut self, words: &mut Vec<u64>) {
+        let mut length = words.len() as u64;
+        self.word(&mut length);
+        if self.is_loading() {
+            // No longer than there is something to load.
+            *words = vec![0; (length as usize).min(self.words.len())];
+        }
+        words.iter_mut().for_each(|word| self.word(word));
+    }
+
     pub(crate) fn duration(&mut self, duration: &mut Duration) {
         let mut nanoseconds = duration.as_nanos() as u64;
         self.word(&mut nanoseconds);
@@ -152,15 +163,8 @@ impl HiddenState {
     }
 
     pub(crate) fn text(&mut self, text: &mut String) {
-        let mut length = text.len() as u64;
-        self.word(&mut length);
-        let bytes = text.bytes().map(u64::from);
-        let mut words: Vec<u64> = bytes.collect();
-        if self.is_loading() {
-            // No longer than there is something to load.
-            words = vec![0; (length as usize).min(self.words.len())];
-        }
-        words.iter_mut().for_each(|word| self.word(word));
+        let mut words: Vec<u64> = text.bytes().map(u64::from).collect();
+        self.words(&mut words);
         let bytes = words.iter().map(|&word| word as u8).collect();
         *text = String::from_utf8(bytes).unwrap_or_default();
     }

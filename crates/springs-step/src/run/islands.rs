@@ -187,6 +187,10 @@ impl Islands {
             part.ledger.visit(state);
             state.option(&mut part.asleep_since, |since, state| state.real(since));
             state.count(&mut part.countdown);
+            state.option(&mut part.saved, |(words, steps), state| {
+                state.words(words);
+                state.word(steps);
+            });
         }
     }
 
