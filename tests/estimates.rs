@@ -4,8 +4,10 @@
 
 mod common;
 
-use common::moving::{dumbbell, pendulum, thrown_past_hook, towed, without_middle_mass};
-use common::{after, distance, solved, with};
+use common::moving::{
+    dumbbell, moving_scenes, pendulum, thrown_past_hook, towed, without_middle_mass,
+};
+use common::{after, distance, reference, solved, with};
 use nalgebra::Vector3;
 use springs::scene::{Method, Node, Scene, StepControl};
 use springs::step::{Frame, Observer, Outcome, Simulation};
@@ -333,5 +335,32 @@ fn rounds_come_to_an_end() {
         let mut islands = Islands::new(&scene).expect("a sound scene");
         assert_eq!(islands.run(1, &mut ()), Ok(Outcome::Finished));
         assert_eq!(islands.time(), duration);
+    }
+}
+
+/// Small vibrations under large slow errors: coarse runs miss them all together, and
+/// their errors fall as the order says until finer runs see them.
+#[test]
+fn coarse_runs_that_miss_a_vibration_are_not_extrapolated() {
+    let named = |name: &str, tolerances: &[f64]| (name.to_owned(), tolerances.to_vec());
+    for (name, tolerances) in [
+        named("chain of 20, K = 1e6", &[1e-4, 1e-5]),
+        named("cloth 6, K = 1e5", &[1e-3, 1e-4]),
+        named("pulled chain", &[1e-3, 1e-4]),
+        named("net without rest lengths", &[1e-2, 1e-3]),
+    ] {
+        let scene = moving_scenes().into_iter().find(|scene| scene.name == name);
+        let scene = scene.expect("a scene of this name");
+        let (reference, _) = reference(&scene);
+        for method in [Method::ImplicitMidpoint, Method::FilteredLeapfrog] {
+            for &tolerance in &tolerances {
+                let (x, steps) = run(&scene, method, tolerance);
+                let off = distance(&x, &reference) / tolerance;
+                assert!(
+                    off < 2.5,
+                    "{name}, {method}, {tolerance:e}: {off}, {steps} steps"
+                );
+            }
+        }
     }
 }
