@@ -78,7 +78,11 @@ fn two_runs_do_not_share_a_folder() {
     desk.scene("short.ron", "cloth 4 --duration 0.1");
     let mut child = desk.start("run net.ron --out d --checkpoint 100 --write csv --quiet");
     wait_until("a checkpoint", || desk.path("d/checkpoint.bin").exists());
-    for arguments in ["run short.ron --out d --force", "resume d"] {
+    for arguments in [
+        "run short.ron --out d --force",
+        "resume d",
+        "study short.ron --out d --force",
+    ] {
         let said = desk.expect(2, arguments);
         assert!(
             said.contains("another run is writing into the folder `d`"),

@@ -86,18 +86,7 @@ impl<L: LengthLaw> Springs<L> {
         .1
     }
 
-    fn linearize_into<P: PairBlocks>(
-        &self,
-        at: &Evaluation<'_>,
-        out: (&mut [Vector3<f64>], &mut [[f64; 6]], &mut [Vector3<f64>]),
-        pairs: &mut P,
-    ) {
-        let mut sum = Sums {
-            forces: out.0,
-            diagonal: out.1,
-            anchor_load: out.2,
-            pairs,
-        };
+    fn linearize_into<P: PairBlocks>(&self, at: &Evaluation<'_>, mut sum: Sums<'_, P>) {
         let is_isotropic = self.stiffness == StiffnessKind::Isotropic;
         if is_isotropic && at.projection != Projection::Drop && at.carried.is_none() {
             return self.linearize_isotropic(at, &mut sum);
@@ -110,19 +99,12 @@ impl<L: LengthLaw> Springs<L> {
             return self.linearize_with(project, at, &mut sum);
         }
         // One loop for each, without a choice inside.
+        use Projection::{Absolute, Clamp, Drop, None};
         match at.projection {
-            Projection::None => {
-                self.linearize_with(|_, a| Projection::None.apply(a), at, &mut sum);
-            }
-            Projection::Clamp => {
-                self.linearize_with(|_, a| Projection::Clamp.apply(a), at, &mut sum);
-            }
-            Projection::Absolute => {
-                self.linearize_with(|_, a| Projection::Absolute.apply(a), at, &mut sum);
-            }
-            Projection::Drop => {
-                self.linearize_with(|_, a| Projection::Drop.apply(a), at, &mut sum);
-            }
+            None => self.linearize_with(|_, across| None.apply(across), at, &mut sum),
+            Clamp => self.linearize_with(|_, across| Clamp.apply(across), at, &mut sum),
+            Absolute => self.linearize_with(|_, across| Absolute.apply(across), at, &mut sum),
+            Drop => self.linearize_with(|_, across| Drop.apply(across), at, &mut sum),
         }
     }
 
@@ -262,14 +244,26 @@ impl<L: LengthLaw + Send + Sync> Emitter for Springs<L> {
             matrix,
             anchor_load,
         } = out;
-        let sums = (
-            &mut forces[..],
-            &mut matrix.diagonal[..],
-            &mut anchor_load[..],
-        );
+        let diagonal = &mut matrix.diagonal;
         match &mut matrix.off_diagonal {
-            OffDiagonal::Symmetric(pairs) => self.linearize_into(at, sums, pairs),
-            OffDiagonal::General(pairs) => self.linearize_into(at, sums, pairs),
+            OffDiagonal::Symmetric(pairs) => self.linearize_into(
+                at,
+                Sums {
+                    forces,
+                    diagonal,
+                    anchor_load,
+                    pairs,
+                },
+            ),
+            OffDiagonal::General(pairs) => self.linearize_into(
+                at,
+                Sums {
+                    forces,
+                    diagonal,
+                    anchor_load,
+                    pairs,
+                },
+            ),
         }
     }
 

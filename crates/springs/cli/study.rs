@@ -1,6 +1,6 @@
 //! `springs study`: run time against error for a scene.
 
-use super::output::{claim, make_folder};
+use super::output::{claim, lock, make_folder};
 use super::signals::Signals;
 use super::source::{SceneArguments, Source};
 use super::{Advised, Ending, Unwritten, print, say, say_error};
@@ -102,6 +102,12 @@ pub(crate) fn study_command(arguments: &StudyArguments) -> anyhow::Result<Ending
     if !arguments.methods.is_empty() {
         options.methods = arguments.methods.clone();
     }
+    // A run that writes into the folder has it; nobody else is to begin one there.
+    let _lock = if folder.is_dir() {
+        lock(&folder)?
+    } else {
+        None
+    };
     signals.note_the_first();
     let interrupted = signals.is_interrupted();
     let bar = match arguments.quiet {

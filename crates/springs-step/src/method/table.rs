@@ -37,8 +37,10 @@ pub struct Properties {
     pub(crate) cost: Option<Cost>,
     /// What its matrix has, if there is one.
     hessian: fn(Option<Tangent>) -> Option<Hessian>,
-    build: fn(&System, &Choice) -> Result<Box<dyn Method>, SolveError>,
+    build: Build,
 }
+
+type Build = fn(&System, &Choice) -> Result<Box<dyn Method>, SolveError>;
 
 /// How a method meets a tolerance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
