@@ -17,7 +17,7 @@ fn assembly(criterion: &mut Criterion) {
         let (x, v) = (system.initial_positions(), system.initial_velocities());
         let mut out = system.linearization();
         group.bench_function(id("forces"), |bencher| {
-            bencher.iter(|| system.forces(x, v, &mut out.forces));
+            bencher.iter(|| system.forces(0.0, x, v, &mut out.forces));
         });
         let at = Evaluation::new(x, v, Weights::of_step(1.0 / 60.0));
         group.bench_function(id("forces and matrix"), |bencher| {

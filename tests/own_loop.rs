@@ -135,7 +135,7 @@ impl Method for SymplecticEuler {
         state: &mut State,
         work: &mut Work,
     ) -> Result<Option<ErrorEstimate>, MethodError> {
-        system.forces(&state.x, &state.v, &mut self.0);
+        system.forces(state.time, &state.x, &state.v, &mut self.0);
         work.counts.force_evaluations += 1;
         for block in 0..system.n_free() {
             state.v[block] += self.0[block] * (interval.size / system.masses()[block]);

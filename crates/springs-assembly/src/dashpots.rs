@@ -79,8 +79,10 @@ impl Emitter for Dashpots {
             n_merged: 0,
             stiffness: StiffnessKind::None,
             is_constant: false,
+            is_load: false,
             is_damped: !self.damping.is_empty(),
             is_central: true,
+            has_symmetric_blocks: true,
         }
     }
 

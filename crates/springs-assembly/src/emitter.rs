@@ -37,10 +37,16 @@ pub trait Emitter: Send + Sync {
         self.energy(x)
     }
 
-    /// Adds the forces that do not depend on velocities, in N.
+    /// Adds the forces that depend on positions alone, in N: −∂V/∂x.
     fn add_forces(&self, x: &[Vector3<f64>], forces: &mut [Vector3<f64>]);
 
-    /// Adds the forces that do, in N: those that damp.
+    /// Adds the forces that depend on nothing but time, in N: loads. `time` in s.
+    fn add_loads(&self, _time: f64, _forces: &mut [Vector3<f64>]) {}
+
+    /// Adds what loads change by with time, in N/s.
+    fn add_load_rates(&self, _time: f64, _rates: &mut [Vector3<f64>]) {}
+
+    /// Adds the forces that depend on velocities, in N: those that damp.
     fn add_damping_forces(
         &self,
         _x: &[Vector3<f64>],
@@ -59,8 +65,7 @@ pub trait Emitter: Send + Sync {
     ) {
     }
 
-    /// Adds forces that do not depend on velocities, `damping`·D and
-    /// `stiffness`·H, and what anchors bring, in one pass.
+    /// Adds forces that depend on positions alone, `damping`·D and `stiffness`·H, and what anchors bring, in one pass.
     ///
     /// H = ∂²V/∂x² in N/m; D = −∂f/∂v in N·s/m.
     fn linearize(&self, at: &Evaluation<'_>, out: &mut Linearization);
@@ -84,8 +89,8 @@ pub trait Emitter: Send + Sync {
         0.0
     }
 
-    /// Power, in W, that moving anchors give against its forces on them that do not
-    /// depend on velocities: −Σ f·v over the fixed blocks.
+    /// Power, in W, that moving anchors give against its forces on them that depend
+    /// on positions alone: −Σ f·v over the fixed blocks.
     fn anchor_power(&self, _x: &[Vector3<f64>], _v: &[Vector3<f64>]) -> f64 {
         0.0
     }
@@ -166,12 +171,15 @@ pub struct Nature {
     pub stiffness: StiffnessKind,
     /// Whether its forces on free blocks are the same everywhere and always.
     pub is_constant: bool,
+    /// Whether it has forces that depend on time.
+    pub is_load: bool,
     /// Whether it has forces that depend on velocities.
     pub is_damped: bool,
     /// Whether terms join two blocks each and act along the line between them, or
-    /// equally in all directions. Then they keep motion in a plane or on a line, and
-    /// blocks off the diagonal are symmetric.
+    /// equally in all directions. Then they keep motion in a plane or on a line.
     pub is_central: bool,
+    /// Whether blocks off the diagonal of the matrix are symmetric.
+    pub has_symmetric_blocks: bool,
 }
 
 /// What a Hessian is like.

@@ -9,7 +9,7 @@ pub struct Lines([f64; Lines::MOST]);
 
 impl Lines {
     /// Emitters of a system at most.
-    pub const MOST: usize = 8;
+    pub const MOST: usize = 16;
     /// The line of linear springs.
     pub const ELASTIC: usize = 0;
     /// The line of gravity.

@@ -35,8 +35,10 @@ impl Emitter for Gravity {
             n_merged: 0,
             stiffness: StiffnessKind::None,
             is_constant: true,
+            is_load: false,
             is_damped: false,
             is_central: true,
+            has_symmetric_blocks: true,
         }
     }
 

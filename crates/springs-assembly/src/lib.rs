@@ -38,6 +38,7 @@ mod elements;
 mod emitter;
 mod energy;
 mod gravity;
+mod loads;
 mod matrix;
 mod motion;
 mod springs;
@@ -52,6 +53,7 @@ pub use emitter::{
     BetweenFixed, Emitter, Evaluation, Nature, Projection, StiffnessKind, Strained, Weights,
 };
 pub use energy::{Energy, Lines};
+pub use loads::{History, Loads};
 pub use matrix::{BlockMatrix, BlockPattern, OffDiagonal, PACKED};
 pub use motion::Motion;
 pub use springs::{SpringBetween, Springs};

@@ -203,8 +203,10 @@ impl<L: LengthLaw + Send + Sync> Emitter for Springs<L> {
             n_merged: self.n_merged,
             stiffness: self.stiffness,
             is_constant: false,
+            is_load: false,
             is_damped: false,
             is_central: true,
+            has_symmetric_blocks: true,
         }
     }
 

@@ -187,7 +187,8 @@ impl System {
 
     /// Whether blocks off the diagonal are symmetric.
     pub fn has_symmetric_blocks(&self) -> bool {
-        self.natures.iter().all(|nature| nature.is_central)
+        let mut natures = self.natures.iter();
+        natures.all(|nature| nature.has_symmetric_blocks)
     }
 
     /// Which blocks of the matrices are stored.
@@ -205,12 +206,53 @@ impl System {
         &self.initial_velocities
     }
 
-    /// All forces on the free blocks, in N.
+    /// Whether there are forces that depend on time.
+    pub fn has_loads(&self) -> bool {
+        self.natures.iter().any(|nature| nature.is_load)
+    }
+
+    fn loads(&self) -> impl Iterator<Item = &dyn Emitter> {
+        let with_natures = self.emitters().zip(&self.natures);
+        with_natures.filter_map(|(emitter, nature)| nature.is_load.then_some(emitter))
+    }
+
+    /// Adds the loads at a time in s to the forces on the free blocks, in N.
+    pub fn add_loads(&self, time: f64, forces: &mut [Vector3<f64>]) {
+        self.loads()
+            .for_each(|emitter| emitter.add_loads(time, forces));
+    }
+
+    /// Adds what they change by with time, in N/s.
+    pub fn add_load_rates(&self, time: f64, rates: &mut [Vector3<f64>]) {
+        self.loads()
+            .for_each(|emitter| emitter.add_load_rates(time, rates));
+    }
+
+    /// All forces on the free blocks, in N, at a time in s.
     ///
     /// # Panics
     ///
     /// If `forces` is shorter than the number of free blocks.
-    pub fn forces(&self, x: &[Vector3<f64>], v: &[Vector3<f64>], forces: &mut [Vector3<f64>]) {
+    pub fn forces(
+        &self,
+        time: f64,
+        x: &[Vector3<f64>],
+        v: &[Vector3<f64>],
+        forces: &mut [Vector3<f64>],
+    ) {
+        self.add_damping_and_loads(time, x, v, self.static_forces(x, forces));
+    }
+
+    /// The forces on the free blocks that depend on positions alone, in N.
+    ///
+    /// # Panics
+    ///
+    /// If `forces` is shorter than the number of free blocks.
+    pub fn static_forces<'f>(
+        &self,
+        x: &[Vector3<f64>],
+        forces: &'f mut [Vector3<f64>],
+    ) -> &'f mut [Vector3<f64>] {
         let forces = &mut forces[..self.n_free()];
         forces.copy_from_slice(&self.constant_forces);
         for (emitter, nature) in self.emitters().zip(&self.natures) {
@@ -218,7 +260,24 @@ impl System {
                 emitter.add_forces(x, forces);
             }
         }
+        forces
+    }
+
+    /// Adds the forces that depend on velocities or on time to those on the free
+    /// blocks, in N.
+    ///
+    /// # Panics
+    ///
+    /// If `forces` is shorter than the number of free blocks.
+    pub fn add_damping_and_loads(
+        &self,
+        time: f64,
+        x: &[Vector3<f64>],
+        v: &[Vector3<f64>],
+        forces: &mut [Vector3<f64>],
+    ) {
         self.add_damping_forces(x, v, forces);
+        self.add_loads(time, forces);
     }
 
     /// Adds the forces that depend on velocities to those on the free blocks, in N.
@@ -237,7 +296,7 @@ impl System {
         }
     }
 
-    /// Accelerations of the free blocks, in m/s²: forces over masses, which must
+    /// Accelerations of the free blocks, in m/s², at a time in s: forces over masses, which must
     /// not be zero.
     ///
     /// # Panics
@@ -245,11 +304,12 @@ impl System {
     /// If a slice is too short.
     pub fn accelerations(
         &self,
+        time: f64,
         x: &[Vector3<f64>],
         v: &[Vector3<f64>],
         accelerations: &mut [Vector3<f64>],
     ) {
-        self.forces(x, v, accelerations);
+        self.forces(time, x, v, accelerations);
         for (a, inverse) in accelerations.iter_mut().zip(&self.inverse_masses) {
             *a *= *inverse;
         }
@@ -265,7 +325,7 @@ impl System {
         }
     }
 
-    /// Forces and system matrix, without allocating.
+    /// Forces that depend on positions alone, and system matrix, without allocating.
     ///
     /// # Panics
     ///

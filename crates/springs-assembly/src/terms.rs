@@ -174,8 +174,10 @@ impl<const N: usize, T: Term<N>> Emitter for Terms<N, T> {
             n_merged: 0,
             stiffness: StiffnessKind::Variable,
             is_constant: false,
+            is_load: false,
             is_damped: self.terms.iter().any(Term::is_damped),
             is_central: false,
+            has_symmetric_blocks: N == 1,
         }
     }
 

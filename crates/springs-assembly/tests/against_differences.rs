@@ -107,7 +107,7 @@ fn the_matrix_is_minus_the_slope_of_the_forces() {
         let (x, v) = (system.initial_positions(), system.initial_velocities());
         let forces = |x: &[Vector3<f64>], v: &[Vector3<f64>]| {
             let mut forces = vec![Vector3::zeros(); system.n_free()];
-            system.forces(x, v, &mut forces);
+            system.forces(0.0, x, v, &mut forces);
             flat(&forces)
         };
         let at_rest = vec![Vector3::zeros(); x.len()];
@@ -168,7 +168,7 @@ fn nothing_is_left_out_of_the_matrix() {
         let stiffness = dense(&linearize(&system, Projection::None, Weights::STIFFNESS));
         let forces = |x: &[Vector3<f64>]| {
             let mut forces = vec![Vector3::zeros(); system.n_free()];
-            system.forces(x, v, &mut forces);
+            system.forces(0.0, x, v, &mut forces);
             flat(&forces)
         };
         for row in 0..3 * system.n_free() {
@@ -267,7 +267,7 @@ fn the_fused_pass_has_the_forces_that_do_not_depend_on_velocities() {
         let (x, v) = (system.initial_positions(), system.initial_velocities());
         let fused = linearize(&system, Projection::None, Weights::of_step(0.01));
         let mut forces = vec![Vector3::zeros(); system.n_free()];
-        system.forces(x, v, &mut forces);
+        system.forces(0.0, x, v, &mut forces);
         let mut dashpots = vec![Vector3::zeros(); system.n_free()];
         system.add_damping_forces(x, v, &mut dashpots);
         for ((all, dashpots), fused) in forces.iter().zip(&dashpots).zip(&fused.forces) {

@@ -12,6 +12,8 @@ pub struct Flows {
     pub heat: Lines,
     /// Work done by moving anchors.
     pub anchor_work: f64,
+    /// Work done by loads.
+    pub load_work: f64,
 }
 
 impl Add for Flows {
@@ -21,6 +23,7 @@ impl Add for Flows {
         Self {
             heat: self.heat + other.heat,
             anchor_work: self.anchor_work + other.anchor_work,
+            load_work: self.load_work + other.load_work,
         }
     }
 }
@@ -34,16 +37,30 @@ impl AddAssign for Flows {
 impl Flows {
     /// Heat and anchor power at one instant, in W; next to nothing to compute in
     /// scenes without damping and moving anchors.
-    pub(crate) fn powers(system: &System, x: &[Vector3<f64>], v: &[Vector3<f64>]) -> Self {
+    pub(crate) fn powers(
+        system: &System,
+        time: f64,
+        x: &[Vector3<f64>],
+        v: &[Vector3<f64>],
+    ) -> Self {
+        let load_work = if system.has_loads() {
+            let mut loads = vec![Vector3::zeros(); system.n_free()];
+            system.add_loads(time, &mut loads);
+            work_on(&loads, v)
+        } else {
+            0.0
+        };
         Self {
             heat: system.dissipation(x, v),
             anchor_work: system.anchor_power(x, v) + system.damping_anchor_power(x, v),
+            load_work,
         }
     }
 
     pub(crate) fn visit(&mut self, state: &mut HiddenState) {
         self.heat.iter_mut().for_each(|heat| state.real(heat));
         state.real(&mut self.anchor_work);
+        state.real(&mut self.load_work);
     }
 
     /// The same flows at another rate, or over another time.
@@ -51,6 +68,7 @@ impl Flows {
         Self {
             heat: self.heat * factor,
             anchor_work: self.anchor_work * factor,
+            load_work: self.load_work * factor,
         }
     }
 
@@ -59,8 +77,8 @@ impl Flows {
         let mut impulses = Impulses::new(system);
         let half = 0.5 * h;
         impulses.begin(system, &before.v);
-        impulses.add(system, half, &before.x, &before.v);
-        impulses.add(system, half, &after.x, &after.v);
+        impulses.add(system, half, before.time, &before.x, &before.v);
+        impulses.add(system, half, before.time + h, &after.x, &after.v);
         impulses.flows(system, &after.v)
     }
 
@@ -75,7 +93,8 @@ impl Flows {
         h: f64,
         fraction: f64,
     ) -> Self {
-        let [start, end] = [before, after].map(|at| Self::powers(system, &at.x, &at.v).times(h));
+        let powers = |at: &State| Self::powers(system, at.time, &at.x, &at.v).times(h);
+        let [start, end] = [before, after].map(powers);
         let cubic = |total: f64, start: f64, end: f64| {
             let limited = |slope: f64| slope.clamp(total.min(0.0) * 3.0, total.max(0.0) * 3.0);
             let (s, rest) = (fraction, 1.0 - fraction);
@@ -89,6 +108,7 @@ impl Flows {
         Self {
             heat,
             anchor_work: cubic(self.anchor_work, start.anchor_work, end.anchor_work),
+            load_work: cubic(self.load_work, start.load_work, end.load_work),
         }
     }
 
@@ -103,12 +123,16 @@ impl Flows {
             return Self::default();
         }
         let (heat, anchor_work) = system.between_fixed(before, &after.x, h);
-        Self { heat, anchor_work }
+        Self {
+            heat,
+            anchor_work,
+            load_work: 0.0,
+        }
     }
 }
 
 /// Σ f·v.
-fn work_on(forces: &[Vector3<f64>], v: &[Vector3<f64>]) -> f64 {
+pub(crate) fn work_on(forces: &[Vector3<f64>], v: &[Vector3<f64>]) -> f64 {
     forces.iter().zip(v).map(|(f, v)| f.dot(v)).sum()
 }
 
@@ -122,10 +146,12 @@ fn work_on(forces: &[Vector3<f64>], v: &[Vector3<f64>]) -> f64 {
 /// that it did, whether the step resolves them or not.
 pub(crate) struct Impulses {
     /// Velocities of all blocks at the start of the step, in m/s, where anything is
-    /// damped.
+    /// damped or loaded.
     start: Vec<Vector3<f64>>,
     /// Of the damping forces of each damped emitter on all blocks, in N·s.
     damping: Vec<Damping>,
+    /// Of loads on the free blocks, in N·s; empty without any.
+    loads: Vec<Vector3<f64>>,
     /// Forces of one emitter on all blocks, in N.
     forces: Vec<Vector3<f64>>,
     /// Work of anchors against other forces, in J.
@@ -141,12 +167,17 @@ struct Damping {
 
 impl Impulses {
     pub(crate) fn new(system: &System) -> Self {
-        let n_damped = if system.is_damped() {
+        let n_blocks = if system.is_damped() || system.has_loads() {
             system.numbering().n_nodes()
         } else {
             0
         };
-        let zeros = vec![Vector3::zeros(); n_damped];
+        let zeros = vec![Vector3::zeros(); n_blocks];
+        let n_loaded = if system.has_loads() {
+            system.n_free()
+        } else {
+            0
+        };
         let damping = system.damped().map(|(line, _)| Damping {
             line,
             impulses: zeros.clone(),
@@ -154,6 +185,7 @@ impl Impulses {
         Self {
             damping: damping.collect(),
             start: zeros.clone(),
+            loads: vec![Vector3::zeros(); n_loaded],
             forces: zeros,
             work: 0.0,
             anchors_move: false,
@@ -162,8 +194,9 @@ impl Impulses {
 
     /// Begins a step with the velocities `v`.
     pub(crate) fn begin(&mut self, system: &System, v: &[Vector3<f64>]) {
-        let n_damped = self.start.len();
-        self.start.copy_from_slice(&v[..n_damped]);
+        let n_blocks = self.start.len();
+        self.start.copy_from_slice(&v[..n_blocks]);
+        self.loads.fill(Vector3::zeros());
         for damping in &mut self.damping {
             damping.impulses.fill(Vector3::zeros());
         }
@@ -176,15 +209,17 @@ impl Impulses {
         self.anchors_move
     }
 
-    /// Forces at a state act for a time `weight` = bᵢ h, in s.
+    /// Forces at a state and a time in s act for a time `weight` = bᵢ h, in s.
     pub(crate) fn add(
         &mut self,
         system: &System,
         weight: f64,
+        time: f64,
         x: &[Vector3<f64>],
         v: &[Vector3<f64>],
     ) {
         self.add_damping(system, weight, x, v);
+        self.add_loads(system, weight, time);
         if self.anchors_move {
             self.add_anchor_work(weight * system.anchor_power(x, v));
         }
@@ -210,7 +245,20 @@ impl Impulses {
         }
     }
 
-    /// Work of anchors against forces that do not depend on velocities, in J.
+    /// Loads alone.
+    pub(crate) fn add_loads(&mut self, system: &System, weight: f64, time: f64) {
+        if self.loads.is_empty() {
+            return;
+        }
+        let forces = &mut self.forces[..self.loads.len()];
+        forces.fill(Vector3::zeros());
+        system.add_loads(time, forces);
+        for (impulse, force) in self.loads.iter_mut().zip(forces) {
+            *impulse += *force * weight;
+        }
+    }
+
+    /// Work of anchors against forces that depend on positions alone, in J.
     pub(crate) fn add_anchor_work(&mut self, work: f64) {
         self.work += work;
     }
@@ -221,7 +269,11 @@ impl Impulses {
         let mut flows = Flows {
             heat: Lines::default(),
             anchor_work: self.work,
+            load_work: 0.0,
         };
+        for (impulse, (before, after)) in self.loads.iter().zip(self.start.iter().zip(v)) {
+            flows.load_work += 0.5 * impulse.dot(&(before + after));
+        }
         for Damping { line, impulses } in &self.damping {
             let mut taken = 0.0;
             for (impulse, (before, after)) in impulses.iter().zip(self.start.iter().zip(v)) {

@@ -12,6 +12,8 @@ pub struct Ledger {
     pub heat: Lines,
     /// Work done by moving anchors.
     pub anchor_work: f64,
+    /// Work done by loads.
+    pub load_work: f64,
 }
 
 impl Ledger {
@@ -21,6 +23,7 @@ impl Ledger {
             start: system.energy(&state.x, &state.v),
             heat: Lines::default(),
             anchor_work: 0.0,
+            load_work: 0.0,
         }
     }
 
@@ -28,12 +31,14 @@ impl Ledger {
     pub fn record(&mut self, flows: Flows) {
         self.heat += flows.heat;
         self.anchor_work += flows.anchor_work;
+        self.load_work += flows.load_work;
     }
 
     /// The flows; the start is that of the scene.
     pub(crate) fn visit(&mut self, state: &mut HiddenState) {
         self.heat.iter_mut().for_each(|heat| state.real(heat));
         state.real(&mut self.anchor_work);
+        state.real(&mut self.load_work);
     }
 
     /// The ledger of several systems together.
@@ -42,12 +47,13 @@ impl Ledger {
             start: a.start + b.start,
             heat: a.heat + b.heat,
             anchor_work: a.anchor_work + b.anchor_work,
+            load_work: a.load_work + b.load_work,
         })
     }
 
     /// What is left of the change to `end` after heat and work: the gain (or,
     /// if negative, the loss) of the method itself, in J.
     pub fn method_gain(&self, end: &Energy) -> f64 {
-        end.total() - self.start.total() + self.heat.sum() - self.anchor_work
+        end.total() - self.start.total() + self.heat.sum() - self.anchor_work - self.load_work
     }
 }

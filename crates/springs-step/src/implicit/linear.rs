@@ -450,7 +450,7 @@ impl LinearSystem {
             && self.anchor_velocities[..] == *anchor_velocities
         {
             timed(&mut work.phases.assembly, || {
-                system.forces(at.x, at.v, &mut self.out.forces);
+                system.static_forces(at.x, &mut self.out.forces);
             });
             return Ok(());
         }
@@ -460,7 +460,7 @@ impl LinearSystem {
             system.linearize(&at, &mut self.out);
             if self.is_constant {
                 // As in steps that find the matrix made already, to the last bit.
-                system.forces(at.x, at.v, &mut self.out.forces);
+                system.static_forces(at.x, &mut self.out.forces);
             }
         });
         let before = self.solver.counts();

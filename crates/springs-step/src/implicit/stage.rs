@@ -27,6 +27,8 @@ pub(crate) struct Stage {
     frequency_bound: f64,
     /// Of springs with a free end, at the start of the stage, in m.
     largest_coordinate: f64,
+    /// Momenta with what loads give; only used where there are any.
+    momenta: Vec<Vector3<f64>>,
 }
 
 /// What kind of correction is wanted.
@@ -52,6 +54,8 @@ enum Descent {
 pub(crate) struct StageProblem<'a> {
     /// c, in s.
     pub(crate) c: f64,
+    /// Its time, in s, at which loads are taken.
+    pub(crate) time: f64,
     /// p, one per free block, in kg·m/s.
     pub(crate) momenta: &'a [Vector3<f64>],
     /// Error of velocities, in m/s, that may be left; `None`: right to rounding.
@@ -91,6 +95,7 @@ impl Stage {
             tensions: vec![0.0; system.n_carried()],
             frequency_bound: system.frequency_bound(),
             largest_coordinate: 0.0,
+            momenta: Vec::new(),
         })
     }
 
@@ -98,6 +103,37 @@ impl Stage {
     /// guess in its velocities; it gets x and v. `tensions` are the first guess
     /// of the tensions and get those of the solution.
     pub(crate) fn solve(
+        &mut self,
+        system: &System,
+        problem: &StageProblem<'_>,
+        state: &mut State,
+        tensions: &mut [f64],
+        work: &mut Work,
+    ) -> Result<(), MethodError> {
+        // A load is the same whatever comes out: it gives momentum.
+        let mut momenta = std::mem::take(&mut self.momenta);
+        let with_loads = if system.has_loads() {
+            momenta.resize(system.n_free(), Vector3::zeros());
+            momenta.fill(Vector3::zeros());
+            system.add_loads(problem.time, &mut momenta);
+            for (sum, p) in momenta.iter_mut().zip(problem.momenta) {
+                *sum = *sum * problem.c + p;
+            }
+            &momenta
+        } else {
+            problem.momenta
+        };
+        let problem = &StageProblem {
+            momenta: with_loads,
+            ..*problem
+        };
+        let solved = self.solve_for(system, problem, state, tensions, work);
+        self.momenta = momenta;
+        solved
+    }
+
+    /// The same where loads are among the momenta.
+    fn solve_for(
         &mut self,
         system: &System,
         problem: &StageProblem<'_>,
@@ -329,14 +365,14 @@ impl Stage {
 
     /// Lets free nodes without mass go where their springs are in balance, which
     /// takes no time, and gives them the velocities with which they stay so; all
-    /// others stay as they are. `h` is the step that follows, in s.
+    /// others stay as they are. At a time in s; `h` is the step that follows, in s.
     ///
     /// A method that starts from forces out of balance would be of order 1, or
     /// carry the imbalance along.
     pub(crate) fn settle_massless(
         &mut self,
         system: &System,
-        h: f64,
+        (time, h): (f64, f64),
         state: &mut State,
         work: &mut Work,
     ) -> Result<(), MethodError> {
@@ -346,7 +382,7 @@ impl Stage {
         let is_massless = |block: &usize| system.masses()[*block] == 0.0;
         let massless: Vec<usize> = (0..system.n_free()).filter(is_massless).collect();
         let mut momenta = vec![Vector3::zeros(); system.n_free()];
-        system.forces(&state.x, &state.v, &mut momenta);
+        system.forces(time, &state.x, &state.v, &mut momenta);
         work.counts.force_evaluations += 1;
         let forces = massless.iter().map(|&block| momenta[block].amax());
         if forces.fold(0.0, f64::max) <= BALANCED * largest(&momenta).1 {
@@ -359,6 +395,7 @@ impl Stage {
             let mut solved = state.clone();
             let problem = StageProblem {
                 c: part * h,
+                time,
                 momenta: &momenta,
                 accuracy: None,
             };

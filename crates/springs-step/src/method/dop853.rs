@@ -80,16 +80,24 @@ impl Dop853 {
 }
 
 /// What a stage at a state adds to the flows of a step.
-fn flows_of(stage: usize, h: f64, system: &System, state: &State) -> Flows {
+fn flows_of(stage: usize, interval: Interval, system: &System, state: &State) -> Flows {
+    let h = interval.size;
+    let time = interval.start + C[stage] * h;
     match B.iter().find(|(index, _)| *index == stage) {
-        Some((_, weight)) => Flows::powers(system, &state.x, &state.v).times(weight * h),
+        Some((_, weight)) => Flows::powers(system, time, &state.x, &state.v).times(weight * h),
         None => Flows::default(),
     }
 }
 
-fn accelerate(system: &System, state: &State, accelerations: &mut [Vector3<f64>], work: &mut Work) {
+fn accelerate(
+    system: &System,
+    time: f64,
+    state: &State,
+    accelerations: &mut [Vector3<f64>],
+    work: &mut Work,
+) {
     timed(&mut work.phases.assembly, || {
-        system.accelerations(&state.x, &state.v, accelerations);
+        system.accelerations(time, &state.x, &state.v, accelerations);
     });
     work.counts.force_evaluations += 1;
 }
@@ -115,12 +123,13 @@ impl Method for Dop853 {
         if self.acceleration_is_known {
             self.accelerations[0].copy_from_slice(&self.last_acceleration);
         } else {
-            accelerate(system, state, &mut self.accelerations[0], work);
+            let first = &mut self.accelerations[0];
+            accelerate(system, interval.start, state, first, work);
             self.last_acceleration
                 .copy_from_slice(&self.accelerations[0]);
             self.acceleration_is_known = true;
         }
-        self.flows = flows_of(0, h, system, state);
+        self.flows = flows_of(0, interval, system, state);
         self.velocities[0].copy_from_slice(&state.v);
         self.stage.v[n_free..].copy_from_slice(&state.v[n_free..]);
         for stage in 1..STAGES {
@@ -133,8 +142,9 @@ impl Method for Dop853 {
             let time = interval.start + C[stage] * h;
             self.stage.x[n_free..].copy_from_slice(&state.x[n_free..]);
             anchors.place(time, &mut self.stage.x);
-            accelerate(system, &self.stage, &mut self.accelerations[stage], work);
-            self.flows += flows_of(stage, h, system, &self.stage);
+            let these = &mut self.accelerations[stage];
+            accelerate(system, time, &self.stage, these, work);
+            self.flows += flows_of(stage, interval, system, &self.stage);
         }
         let mut change: f64 = 0.0;
         for block in 0..n_free {

@@ -70,14 +70,14 @@ impl FilteredLeapfrog {
         })
     }
 
-    /// Accelerations at positions of `state` and velocities that are `behind`,
+    /// Accelerations at a time, at positions of `state` and velocities that are `behind`,
     /// in s, those times, from and into `next_*`.
     fn accelerate(
         &mut self,
         system: &System,
         state: &State,
         h: f64,
-        behind: f64,
+        (time, behind): (f64, f64),
         work: &mut Work,
     ) -> Result<(), MethodError> {
         let weights = Weights {
@@ -98,7 +98,7 @@ impl FilteredLeapfrog {
                 purpose: Purpose::Step,
             },
             |out, accelerations| {
-                system.add_damping_forces(&state.x, &state.v, &mut out.forces);
+                system.add_damping_and_loads(time, &state.x, &state.v, &mut out.forces);
                 accelerations.copy_from_slice(&out.forces);
             },
             &mut self.next_accelerations[..system.n_free()],
@@ -152,15 +152,17 @@ impl Method for FilteredLeapfrog {
         // Accelerations filtered for another step would excite vibrations.
         if self.filtered_for != h {
             if let Some(start) = &mut self.start {
-                start.settle_massless(system, h, state, work)?;
+                start.settle_massless(system, (interval.start, h), state, work)?;
             }
             system.carried(&state.x, &mut self.next_tensions);
-            self.accelerate(system, state, h, 0.0, work)?;
+            self.accelerate(system, state, h, (interval.start, 0.0), work)?;
             self.accept();
             self.filtered_for = h;
         }
         self.next_tensions.copy_from_slice(&self.tensions);
         self.impulses.begin(system, &state.v);
+        self.impulses.add_loads(system, 0.5 * h, interval.start);
+        self.impulses.add_loads(system, 0.5 * h, interval.end);
         self.impulses
             .add_damping(system, 0.5 * h, &state.x, &state.v);
         let moving = state.x.iter_mut().zip(&mut state.v).take(system.n_free());
@@ -169,7 +171,7 @@ impl Method for FilteredLeapfrog {
             *x += *v * h;
         }
         anchors.place(interval.end, &mut state.x);
-        self.accelerate(system, state, h, 0.5 * h, work)?;
+        self.accelerate(system, state, h, (interval.end, 0.5 * h), work)?;
         for (v, a) in state.v.iter_mut().zip(&self.next_accelerations) {
             *v += a * (0.5 * h);
         }

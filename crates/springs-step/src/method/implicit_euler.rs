@@ -74,12 +74,14 @@ impl Method for ImplicitEuler {
         anchors.place(interval.end, &mut state.x);
         let problem = StageProblem {
             c: interval.size,
+            time: interval.end,
             momenta: &self.momenta,
             accuracy: None,
         };
         self.stage
             .solve(system, &problem, state, &mut self.tensions.end, work)?;
-        self.impulses.add(system, interval.size, &state.x, &state.v);
+        let (h, end) = (interval.size, interval.end);
+        self.impulses.add(system, h, end, &state.x, &state.v);
         self.flows = self.impulses.flows(system, &state.v);
         Ok(None)
     }

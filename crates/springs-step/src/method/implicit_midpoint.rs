@@ -72,7 +72,9 @@ impl Method for ImplicitMidpoint {
     ) -> Result<Option<ErrorEstimate>, MethodError> {
         if !self.is_started {
             let h = interval.size;
-            self.stage.settle_massless(system, h, state, work)?;
+            let start = interval.start;
+            self.stage
+                .settle_massless(system, (start, h), state, work)?;
         }
         self.tensions.begin(system, &state.x);
         self.before.x.copy_from_slice(&state.x);
@@ -80,15 +82,18 @@ impl Method for ImplicitMidpoint {
         momenta_of(system, &state.v, &mut self.momenta);
         self.impulses.begin(system, &state.v);
         let half = 0.5 * interval.size;
-        anchors.place(interval.start + half, &mut state.x);
+        let middle = interval.start + half;
+        anchors.place(middle, &mut state.x);
         let problem = StageProblem {
             c: half,
+            time: middle,
             momenta: &self.momenta,
             accuracy: None,
         };
         self.stage
             .solve(system, &problem, state, &mut self.tensions.end, work)?;
-        self.impulses.add(system, interval.size, &state.x, &state.v);
+        self.impulses
+            .add(system, interval.size, middle, &state.x, &state.v);
         // From the middle as far again.
         for block in 0..system.n_free() {
             state.x[block] = state.x[block] * 2.0 - self.before.x[block];

@@ -69,7 +69,7 @@ impl LinearlyImplicitEuler {
         &mut self,
         system: &System,
         state: &State,
-        h: f64,
+        (h, end): (f64, f64),
         work: &mut Work,
     ) -> Result<(), MethodError> {
         let n_free = system.n_free();
@@ -101,6 +101,7 @@ impl LinearlyImplicitEuler {
                 purpose: Purpose::Step,
             },
             |out, rhs| {
+                system.add_loads(end, &mut out.forces);
                 let known = out.forces.iter().zip(&out.anchor_load);
                 let momenta = system.masses().iter().zip(&self.frame.relative);
                 for ((rhs, (f, load)), (m, v)) in rhs.iter_mut().zip(known).zip(momenta) {
@@ -113,6 +114,7 @@ impl LinearlyImplicitEuler {
         self.frame.leave(&mut self.velocities[..n_free]);
         // The forces that act are the linearized ones, −D v' and f − hH v'.
         self.impulses.begin(system, &state.v);
+        self.impulses.add_loads(system, h, end);
         self.impulses
             .add_damping(system, h, &state.x, &self.velocities);
         if self.impulses.anchors_move() {
@@ -176,7 +178,7 @@ impl Method for LinearlyImplicitEuler {
         work: &mut Work,
     ) -> Result<Option<ErrorEstimate>, MethodError> {
         let h = interval.size;
-        self.velocity_step(system, state, h, work)?;
+        self.velocity_step(system, state, (h, interval.end), work)?;
         if self.tangent == Tangent::Filtered {
             self.predict_tensions(system, state, h);
         }

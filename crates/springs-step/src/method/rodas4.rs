@@ -1,5 +1,6 @@
 //! RODAS4: a Rosenbrock method of order 4.
 
+use crate::flows::work_on;
 use crate::implicit::linear::{Hessian, LinearSystem, Purpose};
 use crate::implicit::stage::largest;
 use crate::method::{spread, time_scale};
@@ -30,6 +31,7 @@ pub struct Rodas4 {
     drift: Vec<Vector3<f64>>,
     /// Work of the anchors in the last step, in J: one more unknown.
     anchor_work: f64,
+    load_work: f64,
 }
 
 #[derive(Clone)]
@@ -77,6 +79,27 @@ const C: [&[f64]; STAGES] = [
     ],
 ];
 
+/// The loads at the start of a step.
+struct LoadsAtStart {
+    /// In N.
+    forces: Vec<Vector3<f64>>,
+    /// What their power changes by with time, in W/s, while velocities stay.
+    drift: f64,
+}
+
+impl LoadsAtStart {
+    fn of(system: &System, time: f64, state: &State) -> Self {
+        let zeros = vec![Vector3::zeros(); system.n_free()];
+        let (mut forces, mut rates) = (zeros.clone(), zeros);
+        system.add_loads(time, &mut forces);
+        system.add_load_rates(time, &mut rates);
+        Self {
+            forces,
+            drift: work_on(&rates, &state.v),
+        }
+    }
+}
+
 impl Rodas4 {
     /// Allocates the workspace and factorizes symbolically.
     ///
@@ -96,6 +119,7 @@ impl Rodas4 {
             forces: zeros.clone(),
             drift: zeros,
             anchor_work: 0.0,
+            load_work: 0.0,
         })
     }
 
@@ -182,6 +206,7 @@ impl Method for Rodas4 {
         {
             *drift = load / (c * c);
         }
+        system.add_load_rates(interval.start, &mut self.drift);
         self.stage.v.copy_from_slice(&state.v);
         let anchors_move = system.any_anchor_moves(&state.v);
         let change_at = Evaluation {
@@ -196,6 +221,10 @@ impl Method for Rodas4 {
             power_drift = system.anchor_power_change(&change_at, &self.stage.x);
         }
         let mut works = [0.0; STAGES];
+        let mut load_works = [0.0; STAGES];
+        let loads = system
+            .has_loads()
+            .then(|| LoadsAtStart::of(system, interval.start, state));
         for stage in 0..STAGES {
             for block in 0..n_free {
                 let (dx, dv) = self.sum(A[stage], block);
@@ -203,9 +232,10 @@ impl Method for Rodas4 {
                 self.stage.v[block] = state.v[block] + dv;
             }
             self.stage.x[n_free..].copy_from_slice(&state.x[n_free..]);
-            anchors.place(interval.start + ALPHA[stage] * h, &mut self.stage.x);
+            let time = interval.start + ALPHA[stage] * h;
+            anchors.place(time, &mut self.stage.x);
             timed(&mut work.phases.assembly, || {
-                system.forces(&self.stage.x, &self.stage.v, &mut self.forces);
+                system.forces(time, &self.stage.x, &self.stage.v, &mut self.forces);
             });
             work.counts.force_evaluations += u64::from(stage > 0);
             for block in 0..n_free {
@@ -221,8 +251,18 @@ impl Method for Rodas4 {
                 let change = system.anchor_power_change(&change_at, &self.stages[stage].x);
                 works[stage] = c * (power + change + known);
             }
+            if let Some(loads) = &loads {
+                let known = weighted(C[stage], &load_works) / h + GAMMAS[stage] * h * loads.drift;
+                self.forces.fill(Vector3::zeros());
+                system.add_loads(time, &mut self.forces);
+                let power = work_on(&self.forces, &self.stage.v);
+                let change = work_on(&loads.forces, &self.stages[stage].v);
+                load_works[stage] = c * (power + change + known);
+            }
         }
-        self.anchor_work = weighted(A[STAGES - 1], &works) + works[STAGES - 1];
+        let total = |works: &[f64; STAGES]| weighted(A[STAGES - 1], works) + works[STAGES - 1];
+        self.anchor_work = total(&works);
+        self.load_work = total(&load_works);
         // The last stage was evaluated at the embedded result; its u leads on
         // to the result, and is the estimate of the error.
         let mut change: f64 = 0.0;
@@ -254,6 +294,7 @@ impl Method for Rodas4 {
         Some(Flows {
             heat: Lines::default(),
             anchor_work: self.anchor_work,
+            load_work: self.load_work,
         })
     }
 }

@@ -113,13 +113,12 @@ impl Splitting {
 
     fn accelerate(
         system: &System,
-        x: &[Vector3<f64>],
-        v: &[Vector3<f64>],
+        (time, x, v): (f64, &[Vector3<f64>], &[Vector3<f64>]),
         accelerations: &mut [Vector3<f64>],
         work: &mut Work,
     ) {
         timed(&mut work.phases.assembly, || {
-            system.accelerations(x, v, accelerations);
+            system.accelerations(time, x, v, accelerations);
         });
         work.counts.force_evaluations += 1;
     }
@@ -145,7 +144,8 @@ impl Method for Splitting {
         let h = interval.size;
         let is_damped = system.is_damped();
         if !self.accelerations_are_known {
-            Self::accelerate(system, &state.x, &state.v, &mut self.accelerations, work);
+            let start = (interval.start, &state.x[..], &state.v[..]);
+            Self::accelerate(system, start, &mut self.accelerations, work);
             self.accelerations_are_known = true;
             if is_damped {
                 self.seen_at_start.copy_from_slice(&state.v);
@@ -160,7 +160,9 @@ impl Method for Splitting {
         } else {
             &state.v
         };
-        self.impulses.add(system, self.kicks[0] * h, &state.x, seen);
+        let first_kick = self.kicks[0] * h;
+        self.impulses
+            .add(system, first_kick, interval.start, &state.x, seen);
         let (start, next) = (&self.accelerations, &mut self.next_accelerations);
         let mut elapsed = 0.0;
         for (stage, drift) in self.drifts.iter().enumerate() {
@@ -186,8 +188,8 @@ impl Method for Splitting {
             };
             anchors.place(time, &mut state.x);
             let seen = if is_damped { &self.seen } else { &state.v };
-            Self::accelerate(system, &state.x, seen, next, work);
-            self.impulses.add(system, next_kick, &state.x, seen);
+            Self::accelerate(system, (time, &state.x, seen), next, work);
+            self.impulses.add(system, next_kick, time, &state.x, seen);
         }
         let last_kick = self.kicks[self.drifts.len()] * h;
         for (v, a) in state.v.iter_mut().zip(&self.next_accelerations) {

@@ -157,12 +157,12 @@ impl TrBdf2 {
         }
     }
 
-    /// Solves a stage from q in the positions of `state`, and stores the force
+    /// Solves a stage at a time in s from q in the positions of `state`, and stores the force
     /// that the solution implies.
     fn solve(
         &mut self,
         system: &System,
-        c: f64,
+        (c, time): (f64, f64),
         state: &mut State,
         force: usize,
         work: &mut Work,
@@ -171,6 +171,7 @@ impl TrBdf2 {
         let time_scale = self.time_scale.clamp(h, LONGEST_TIME_SCALE * h);
         let problem = StageProblem {
             c,
+            time,
             momenta: &self.momenta,
             accuracy: self.goal.map(|goal| goal.stage_rate * h / time_scale),
         };
@@ -265,8 +266,10 @@ impl Method for TrBdf2 {
         let (h, n_free) = (interval.size, system.n_free());
         let c = D * h;
         if !self.is_started {
-            self.stage.settle_massless(system, h, state, work)?;
-            system.forces(&state.x, &state.v, &mut self.forces[0]);
+            let start = interval.start;
+            self.stage
+                .settle_massless(system, (start, h), state, work)?;
+            system.forces(start, &state.x, &state.v, &mut self.forces[0]);
             work.counts.force_evaluations += 1;
         }
         self.tensions.begin(system, &state.x);
@@ -274,7 +277,8 @@ impl Method for TrBdf2 {
         self.before.v.copy_from_slice(&state.v);
         let weight = START_AND_MIDDLE * h;
         self.impulses.begin(system, &state.v);
-        self.impulses.add(system, weight, &state.x, &state.v);
+        self.impulses
+            .add(system, weight, interval.start, &state.x, &state.v);
 
         // Trapezoidal to t + γh: v_γ = v + ½γh(a + a_γ), x_γ likewise.
         for block in 0..n_free {
@@ -282,11 +286,13 @@ impl Method for TrBdf2 {
             self.momenta[block] = v * system.masses()[block] + self.forces[0][block] * c;
             state.x[block] += v * c;
         }
-        anchors.place(interval.start + GAMMA * h, &mut state.x);
-        self.solve(system, c, state, 1, work)?;
+        let middle = interval.start + GAMMA * h;
+        anchors.place(middle, &mut state.x);
+        self.solve(system, (c, middle), state, 1, work)?;
         self.middle.x.copy_from_slice(&state.x);
         self.middle.v.copy_from_slice(&state.v);
-        self.impulses.add(system, weight, &state.x, &state.v);
+        self.impulses
+            .add(system, weight, middle, &state.x, &state.v);
 
         // Backward difference through t and t + γh.
         let (near, far) = (
@@ -299,8 +305,9 @@ impl Method for TrBdf2 {
             state.x[block] = self.middle.x[block] * near - self.before.x[block] * far;
         }
         anchors.place(interval.end, &mut state.x);
-        self.solve(system, c, state, 2, work)?;
-        self.impulses.add(system, c, &state.x, &state.v);
+        self.solve(system, (c, interval.end), state, 2, work)?;
+        self.impulses
+            .add(system, c, interval.end, &state.x, &state.v);
         self.flows = self.impulses.flows(system, &state.v);
         let Some(goal) = self.goal else {
             return Ok(None);

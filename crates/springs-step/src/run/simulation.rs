@@ -617,7 +617,11 @@ impl Simulation {
         let system = self.stepper.system();
         let mut ledger = self.ledger;
         ledger.record(flows + Flows::between_fixed(system, &before.x, after, interval.size));
-        if let Some(cause) = self.watch_energy(interval, counts, ledger.anchor_work) {
+        if let Some(cause) = self.watch_energy(
+            interval,
+            counts,
+            ledger.anchor_work.abs() + ledger.load_work.abs(),
+        ) {
             let fastest = self.stepper.fastest_block();
             self.stepper.reject();
             return Err(self.stepper.error(cause, fastest, interval));

@@ -36,21 +36,21 @@ impl Rest {
     /// Whether nothing moves and nothing pushes, to the last bit.
     pub(crate) fn is_exact(system: &System, state: &State) -> bool {
         let mut forces = vec![Vector3::zeros(); system.n_free()];
-        system.forces(&state.x, &state.v, &mut forces);
+        system.forces(state.time, &state.x, &state.v, &mut forces);
         let still = |vectors: &[Vector3<f64>]| vectors.iter().all(|v| *v == Vector3::zeros());
-        still(&state.v) && still(&forces)
+        still(&state.v) && still(&forces) && !system.has_loads()
     }
 
     /// How far, in m, any node can still get from where it is: to the
     /// equilibrium by the Hessian H, x + H⁻¹f, and from there as far as the
     /// energy E = ½ fᵀH⁻¹f + ½ vᵀM v reaches in the softest direction, √(2E/λ),
-    /// to first order. `None` where fixed nodes move or H, in the plane or along
+    /// to first order. `None` where fixed nodes move, loads change, or H, in the plane or along
     /// the line that the motion stays in, is not positive definite, so that motion
     /// need not end.
     pub(crate) fn reach(&mut self, system: &System, state: &State) -> Option<f64> {
         let n_free = system.n_free();
         let anchors = &state.v[n_free..];
-        if anchors.iter().any(|v| *v != Vector3::zeros()) {
+        if anchors.iter().any(|v| *v != Vector3::zeros()) || system.has_loads() {
             return None;
         }
         let at = Evaluation {

@@ -28,7 +28,7 @@ impl Simulation {
         &mut self,
         interval: Interval,
         counts: Counts,
-        anchor_work: f64,
+        work: f64,
     ) -> Option<Cause> {
         let (system, state) = (self.stepper.system(), self.stepper.state());
         let done = self.work.counts;
@@ -61,7 +61,7 @@ impl Simulation {
         // Every step rounds once more.
         let rounding = system.energy_of_rounding(&state.x);
         let rounded = (self.stepper.steps() + 1) as f64 * rounding;
-        let known = start.kinetic + stored(&start.potential) + anchor_work.abs() + fallen + rounded;
+        let known = start.kinetic + stored(&start.potential) + work + fallen + rounded;
         self.most_energy = self.most_energy.max(known);
         (kinetic + elastic > IMPOSSIBLE * self.most_energy).then_some(Cause::EnergyDiverged)
     }
