@@ -35,13 +35,13 @@ pub struct SpringBetween<L> {
     pub law: L,
 }
 
-impl<L: LengthLaw> Springs<L> {
+impl<L: LengthLaw + Clone> Springs<L> {
     /// Springs with laws of any kind; `name` is their line in the energy ledger.
     pub fn new(name: &str, springs: &[SpringBetween<L>]) -> Self {
         Self {
             name: name.to_owned(),
             connections: Connections::between(springs.iter().map(|spring| spring.nodes)),
-            laws: springs.iter().map(|spring| spring.law).collect(),
+            laws: springs.iter().map(|spring| spring.law.clone()).collect(),
             index: (0..springs.len()).collect(),
             n_merged: 0,
             stiffness: StiffnessKind::Variable,
@@ -67,7 +67,7 @@ impl<L: LengthLaw> Springs<L> {
         if self.stiffness == StiffnessKind::Isotropic {
             dx * self.laws[index].largest_stiffness()
         } else {
-            spring::force(self.laws[index], &Vector3::zeros(), &dx)
+            spring::force(&self.laws[index], &Vector3::zeros(), &dx)
         }
     }
 
@@ -80,7 +80,7 @@ impl<L: LengthLaw> Springs<L> {
         let dx = self.connections.difference(index, at.x);
         let given = at.carried.map(|tensions| tensions[index]);
         let projection = at.projection_at(self.connections.free_ends(index));
-        spring::linearize(self.laws[index], given, &dx, |across| {
+        spring::linearize(&self.laws[index], given, &dx, |across| {
             projection.apply(across)
         })
         .1
@@ -118,7 +118,7 @@ impl<L: LengthLaw> Springs<L> {
         for index in self.connections.live() {
             let dx = self.connections.difference(index, at.x);
             let (force, block) = spring::linearize(
-                self.laws[index],
+                &self.laws[index],
                 at.carried.map(|tensions| tensions[index]),
                 &dx,
                 |across| project(index, across),
@@ -192,7 +192,7 @@ impl Springs<Spring> {
     }
 }
 
-impl<L: LengthLaw + Send + Sync> Emitter for Springs<L> {
+impl<L: LengthLaw + Clone + Send + Sync> Emitter for Springs<L> {
     fn name(&self) -> &str {
         &self.name
     }
@@ -212,7 +212,10 @@ impl<L: LengthLaw + Send + Sync> Emitter for Springs<L> {
 
     fn number(&mut self, numbering: &Numbering) {
         let order = self.connections.number(numbering);
-        self.laws = order.iter().map(|&index| self.laws[index]).collect();
+        self.laws = order
+            .iter()
+            .map(|&index| self.laws[index].clone())
+            .collect();
         self.index = order.iter().map(|&index| self.index[index]).collect();
     }
 

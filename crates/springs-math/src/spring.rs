@@ -22,7 +22,7 @@ use nalgebra::{ComplexField, SMatrix, SVector};
 ///
 /// Methods of order p keep their order where V has p + 1 continuous derivatives;
 /// T is continuous at least.
-pub trait LengthLaw: Copy {
+pub trait LengthLaw {
     /// V(l), in J, at the length l in m.
     fn energy(&self, length: f64) -> f64;
 
@@ -41,6 +41,38 @@ pub trait LengthLaw: Copy {
 
     /// Whether k is never negative.
     fn is_convex(&self) -> bool;
+}
+
+impl<L: LengthLaw> LengthLaw for &L {
+    #[inline(always)]
+    fn energy(&self, length: f64) -> f64 {
+        L::energy(self, length)
+    }
+
+    #[inline(always)]
+    fn tension(&self, length: f64) -> f64 {
+        L::tension(self, length)
+    }
+
+    #[inline(always)]
+    fn stiffness(&self, length: f64) -> f64 {
+        L::stiffness(self, length)
+    }
+
+    #[inline(always)]
+    fn largest_stiffness(&self) -> f64 {
+        L::largest_stiffness(self)
+    }
+
+    #[inline(always)]
+    fn rest_length(&self) -> f64 {
+        L::rest_length(self)
+    }
+
+    #[inline(always)]
+    fn is_convex(&self) -> bool {
+        L::is_convex(self)
+    }
 }
 
 /// The linear law V = ½K(l − l₀)², Eq. 1.
@@ -208,7 +240,7 @@ pub fn linearize(
                 None => own * inverse,
             });
             let u = dx * inverse;
-            let more = along_stiffness(law, length, &project) - across;
+            let more = along_stiffness(&law, length, &project) - across;
             let [x, y, z] = [u.x * more, u.y * more, u.z * more];
             let block = [
                 across + x * u.x,
@@ -227,7 +259,7 @@ pub fn linearize(
         Some(tension) => (tension / separation.length).min(law.largest_stiffness()),
         None => own / separation.length,
     });
-    let along = along_stiffness(law, separation.length, &project);
+    let along = along_stiffness(&law, separation.length, &project);
     let b = assemble_block(along, &separation, across);
     let block = [b.m11, b.m12, b.m13, b.m22, b.m23, b.m33];
     (separation.direction * own, block)
@@ -242,13 +274,13 @@ fn block<const D: usize>(
 ) -> SMatrix<f64, D, D> {
     let separation = Separation::between(x0, x1);
     let across = law.tension(separation.length) / separation.length;
-    let along = along_stiffness(law, separation.length, &tangent);
+    let along = along_stiffness(&law, separation.length, &tangent);
     assemble_block(along, &separation, tangent(across))
 }
 
 /// k, or what the tangent makes of it where it is negative.
 #[inline(always)]
-fn along_stiffness(law: impl LengthLaw, length: f64, tangent: impl Fn(f64) -> f64) -> f64 {
+fn along_stiffness(law: &impl LengthLaw, length: f64, tangent: impl Fn(f64) -> f64) -> f64 {
     let stiffness = law.stiffness(length);
     if law.is_convex() || stiffness >= 0.0 {
         stiffness
