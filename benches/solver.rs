@@ -63,7 +63,7 @@ fn solver(criterion: &mut Criterion) {
         let mut routes = vec![(Route::Double, "double"), (Route::Auto, "automatic")];
         // Without fill there is only one route.
         if !scene.name.starts_with("chain") {
-            routes.extend([(Route::Mixed, "mixed"), (Route::Iterative, "iterative")]);
+            routes.push((Route::Iterative, "iterative"));
         }
         for (route, name) in routes {
             let mut solver = analyze(route);

@@ -3,7 +3,6 @@
 //! row, N = D².
 
 use crate::Subspace;
-use std::ops::{Add, Mul};
 
 /// Where the entry at (row, column) of a symmetric block is packed.
 #[inline(always)]
@@ -33,12 +32,12 @@ pub(crate) const fn place<const D: usize, const N: usize>(row: usize, column: us
 }
 
 #[inline(always)]
-pub(crate) fn rows<T: Copy, const D: usize, const N: usize>(block: &[T; N]) -> [[T; D]; D] {
+pub(crate) fn rows<const D: usize, const N: usize>(block: &[f64; N]) -> [[f64; D]; D] {
     std::array::from_fn(|row| std::array::from_fn(|column| block[place::<D, N>(row, column)]))
 }
 
 #[inline(always)]
-pub(crate) fn columns<T: Copy, const D: usize, const N: usize>(block: &[T; N]) -> [[T; D]; D] {
+pub(crate) fn columns<const D: usize, const N: usize>(block: &[f64; N]) -> [[f64; D]; D] {
     std::array::from_fn(|column| std::array::from_fn(|row| block[place::<D, N>(row, column)]))
 }
 
@@ -72,7 +71,7 @@ pub(crate) fn with_transposed<const D: usize, const P: usize, const N: usize>(
 /// B x.
 #[inline(always)]
 pub(crate) fn times<const D: usize, const N: usize>(b: &[f64; N], x: &[f64; D]) -> [f64; D] {
-    rows::<f64, D, N>(b).map(|row| dot(&row, x))
+    rows::<D, N>(b).map(|row| dot(&row, x))
 }
 
 /// Bᵀ x.
@@ -81,17 +80,14 @@ pub(crate) fn times_transposed<const D: usize, const N: usize>(
     b: &[f64; N],
     x: &[f64; D],
 ) -> [f64; D] {
-    columns::<f64, D, N>(b).map(|column| dot(&column, x))
+    columns::<D, N>(b).map(|column| dot(&column, x))
 }
 
 #[inline(always)]
-pub(crate) fn dot<T, const D: usize>(a: &[T; D], b: &[T; D]) -> T
-where
-    T: Copy + Mul<Output = T> + Add<Output = T>,
-{
+pub(crate) fn dot<const D: usize>(a: &[f64; D], b: &[f64; D]) -> f64 {
     let mut sum = a[0] * b[0];
     for axis in 1..D {
-        sum = sum + a[axis] * b[axis];
+        sum += a[axis] * b[axis];
     }
     sum
 }
@@ -132,35 +128,32 @@ impl Rounding {
         }
     }
 
-    /// Errors of the diagonal entries of a block after elimination: `epsilon`, a
-    /// few units of rounding, times what they were before.
+    /// Errors of the diagonal entries of a block after elimination: a few units of
+    /// rounding of what they were before.
     ///
     /// A pivot must exceed what they make of it, or it may be zero in truth: its
     /// own error e_k and those of the pivots before it in the block,
     /// Σ (l_kj/l_jj)² e_j.
     #[inline(always)]
-    pub(crate) fn diagonal_errors<T, const D: usize, const P: usize>(
+    pub(crate) fn diagonal_errors<const D: usize, const P: usize>(
         self,
-        block: &[T; P],
-        epsilon: T,
-    ) -> [T; D]
-    where
-        T: Copy + Default + PartialOrd + Mul<Output = T>,
-    {
-        let larger = |a: T, b: T| if a > b { a } else { b };
-        let mut sizes: [T; D] =
-            std::array::from_fn(|axis| larger(block[packed::<D>(axis, axis)], T::default()));
+        block: &[f64; P],
+    ) -> [f64; D] {
+        // What is not a number is not above zero.
+        let above_zero = |x: f64| if x > 0.0 { x } else { 0.0 };
+        let mut sizes: [f64; D] =
+            std::array::from_fn(|axis| above_zero(block[packed::<D>(axis, axis)]));
         if self == Self::ByBlock {
-            sizes = [sizes.into_iter().fold(T::default(), larger); D];
+            sizes = [sizes.into_iter().fold(0.0, f64::max); D];
         }
-        sizes.map(|size| epsilon * size)
+        sizes.map(|size| PIVOT_ROUNDING * f64::EPSILON * size)
     }
 }
 
 /// The few units of rounding. Pivots that are zero in truth came to less than
 /// four of them in thousands of random directions, 16 in massless chains of 30
 /// blocks; longer chains add up more.
-pub(crate) const PIVOT_ROUNDING: f64 = 16.0;
+const PIVOT_ROUNDING: f64 = 16.0;
 
 /// L of a packed block B = L Lᵀ, by columns, with inverted diagonal entries;
 /// `None` if a pivot does not exceed what the errors make of it.
@@ -230,7 +223,7 @@ pub(crate) fn invert<const D: usize, const P: usize>(
     b: &[f64; P],
     rounding: Rounding,
 ) -> Option<[f64; P]> {
-    let errors = rounding.diagonal_errors(b, PIVOT_ROUNDING * f64::EPSILON);
+    let errors = rounding.diagonal_errors(b);
     let l = cholesky::<D, P>(b, &errors)?;
     let mut inverse = [0.0; P];
     for column in 0..D {
@@ -250,7 +243,7 @@ mod tests {
     use nalgebra::{DMatrix, DVector};
 
     fn check<const D: usize, const P: usize>(b: [f64; P], x: [f64; D]) {
-        let full = rows::<f64, D, P>(&b);
+        let full = rows::<D, P>(&b);
         let dense = DMatrix::from_fn(D, D, |row, column| full[row][column]);
         assert_eq!(dense, dense.transpose());
         let near = |a: [f64; D], expected: &DVector<f64>| {

@@ -3,17 +3,17 @@
 use crate::direct::Direct;
 use crate::iterative::{ConjugateGradients, Ending, Multilevel, Rows, Until};
 use crate::strategy::Chooser;
-use crate::{Counts, Experience, Interrupt, Options, Price, Route, SolveError};
+use crate::{Counts, Experience, Interrupt, Options, Price, SolveError};
 
 /// A solver of A x = b with D × D blocks: P numbers a diagonal block, packed, and
 /// Q an off-diagonal one. Of a pair (a, b) that is the block of the upper
 /// triangle, at row min(a, b) and column max(a, b).
 pub(crate) struct Core<const D: usize, const P: usize, const Q: usize> {
-    direct: Direct<D, P, Q>,
-    /// Allocated where conjugate gradients may be wanted.
+    direct: Direct<D, P>,
+    /// Where it may be wanted.
     iterative: Option<Iterative<D, P, Q>>,
-    /// How the present matrix is solved.
-    now: Route,
+    /// Whether the present matrix is solved by iteration.
+    is_iterative: bool,
     /// Whether the last matrix was taken and not found wanting since.
     has_matrix: bool,
     chooser: Chooser,
@@ -25,16 +25,8 @@ struct Iterative<const D: usize, const P: usize, const Q: usize> {
     matrix: Rows<P, Q>,
     gradients: ConjugateGradients<D>,
     solution: Vec<[f64; D]>,
-    /// Not needed where the factor in single precision is the preconditioner.
-    multilevel: Option<Multilevel<D, P, Q>>,
+    multilevel: Multilevel<D, P, Q>,
 }
-
-/// Relative accuracy of a solution with a factor in single precision; another
-/// digit costs next to nothing there.
-const MIXED_ACCURACY: f64 = 1e-11;
-/// A factor in double precision is better than more iterations than this with
-/// one in single precision.
-const MOST_MIXED_ITERATIONS: usize = 24;
 
 impl<const D: usize, const P: usize, const Q: usize> Core<D, P, Q> {
     /// See [`crate::Solver::analyze`], like the others of these names.
@@ -43,16 +35,18 @@ impl<const D: usize, const P: usize, const Q: usize> Core<D, P, Q> {
         pairs: &[[u32; 2]],
         options: Options<'_>,
     ) -> Result<Self, SolveError> {
-        let direct = Direct::<D, P, Q>::new(n_blocks, pairs, options)?;
-        let chooser = Chooser::new(n_blocks, pairs.len(), &direct, options.route);
-        let iterative = match chooser.may_iterate() || chooser.may_mix() {
-            true => Some(Iterative::new(n_blocks, pairs, &chooser, options)?),
-            false => None,
+        let direct = Direct::<D, P>::new(n_blocks, pairs, options)?;
+        let iteration = Price::of_iteration::<P, Q>(n_blocks, pairs.len());
+        let chooser = Chooser::new(&direct, iteration, options.route);
+        let iterative = if chooser.may_iterate() {
+            Some(Iterative::new(n_blocks, pairs, options)?)
+        } else {
+            None
         };
         Ok(Self {
             direct,
             iterative,
-            now: Route::Double,
+            is_iterative: false,
             has_matrix: false,
             chooser,
             counts: Counts::default(),
@@ -64,8 +58,9 @@ impl<const D: usize, const P: usize, const Q: usize> Core<D, P, Q> {
         pairs: &[[u32; 2]],
         options: Options<'_>,
     ) -> Result<Price, SolveError> {
-        let direct = Direct::<D, P, Q>::new(n_blocks, pairs, options)?;
-        let chooser = Chooser::new(n_blocks, pairs.len(), &direct, options.route);
+        let direct = Direct::<D, P>::new(n_blocks, pairs, options)?;
+        let iteration = Price::of_iteration::<P, Q>(n_blocks, pairs.len());
+        let chooser = Chooser::new(&direct, iteration, options.route);
         Ok(chooser.price())
     }
 
@@ -75,17 +70,11 @@ impl<const D: usize, const P: usize, const Q: usize> Core<D, P, Q> {
         options: Options<'_>,
     ) -> Result<u64, SolveError> {
         let solver = Self::analyze(n_blocks, pairs, options)?;
-        let iterative = solver
-            .iterative
-            .as_ref()
-            .map_or(Some(0), Iterative::<D, P, Q>::memory);
-        let factor = match solver.chooser.first() {
-            Route::Iterative => Some(0),
-            Route::Mixed => solver.direct.single_memory(),
-            Route::Double | Route::Auto => solver.direct.double_memory(),
+        let solution = match &solver.iterative {
+            Some(iterative) => iterative.memory(),
+            None => solver.direct.factor_memory(),
         };
-        let symbolic = solver.direct.symbolic_memory();
-        let sum = iterative.and_then(|iterative| Some(symbolic + iterative + factor?));
+        let sum = solution.map(|solution| solver.direct.symbolic_memory() + solution);
         sum.ok_or(SolveError::TooLarge { n_blocks })
     }
 
@@ -125,59 +114,34 @@ impl<const D: usize, const P: usize, const Q: usize> Core<D, P, Q> {
         Ok(())
     }
 
-    /// Where single precision finds the matrix indefinite, double precision
-    /// decides.
     fn take_matrix(
         &mut self,
         diagonal: &[[f64; P]],
         off_diagonal: &[[f64; Q]],
     ) -> Result<(), SolveError> {
-        self.now = self.chooser.next();
-        let Some(iterative) = self
-            .iterative
-            .as_mut()
-            .filter(|_| self.now != Route::Double)
-        else {
-            self.counts.factorizations += 1;
-            return self.direct.factorize(diagonal, off_diagonal);
-        };
-        iterative.matrix.set(diagonal, off_diagonal);
-        match self.now {
-            Route::Iterative => {
-                let multilevel = iterative.multilevel.as_mut().expect("made with the route");
-                multilevel.set(&iterative.matrix)
+        self.is_iterative = self.chooser.next();
+        match &mut self.iterative {
+            Some(iterative) if self.is_iterative => {
+                iterative.matrix.set(diagonal, off_diagonal);
+                iterative.multilevel.set(&iterative.matrix)
             }
-            _ => self.factorize(),
-        }
-    }
-
-    /// Factorizes the matrix by rows: in single precision, if that is the route,
-    /// or else in double.
-    fn factorize(&mut self) -> Result<(), SolveError> {
-        let iterative = self.iterative.as_ref().expect("the matrix by rows");
-        if self.now == Route::Mixed {
-            self.counts.factorizations += 1;
-            match self.direct.factorize_single(&iterative.matrix) {
-                Err(SolveError::NotPositiveDefinite { .. }) => return self.replace_single(),
-                done => return done,
+            _ => {
+                self.counts.factorizations += 1;
+                self.direct.factorize(diagonal, off_diagonal)
             }
         }
-        self.factorize_double()
     }
 
-    /// Factorizes in double precision what single precision was not good enough
-    /// for.
-    fn replace_single(&mut self) -> Result<(), SolveError> {
-        self.now = Route::Double;
-        self.factorize_double()?;
-        self.chooser.record_mixed(false);
-        Ok(())
-    }
-
-    fn factorize_double(&mut self) -> Result<(), SolveError> {
-        let iterative = self.iterative.as_ref().expect("the matrix by rows");
+    /// Makes a factor of a matrix that was to be solved by iteration.
+    fn factorize_instead(&mut self) -> Result<(), SolveError> {
+        self.is_iterative = false;
+        let iterative = self.iterative.as_ref().expect("made with the route");
+        let matrix = &iterative.matrix;
+        let off_diagonal = matrix.by_pair().ok_or(SolveError::TooLarge {
+            n_blocks: matrix.n_blocks(),
+        })?;
         self.counts.factorizations += 1;
-        self.direct.factorize_rows(&iterative.matrix)
+        self.direct.factorize(matrix.diagonal(), &off_diagonal)
     }
 
     pub(crate) fn solve_in_place(
@@ -194,46 +158,22 @@ impl<const D: usize, const P: usize, const Q: usize> Core<D, P, Q> {
     }
 
     fn solve(&mut self, blocks: &mut [[f64; D]], accuracy: f64) -> Result<(), SolveError> {
-        if self.now == Route::Iterative {
-            let most = self.chooser.most_iterations();
-            let (ending, iterations) = self.iterate(blocks, accuracy, most);
-            self.chooser.record(iterations);
-            match ending {
+        if self.is_iterative {
+            match self.iterate(blocks, accuracy) {
                 Ending::Converged => return Ok(()),
                 Ending::Interrupted => return Err(SolveError::Interrupted),
                 Ending::Indefinite { block } => {
                     return Err(SolveError::NotPositiveDefinite { block });
                 }
-                Ending::Stalled => {
-                    self.now = self.chooser.direct();
-                    self.factorize()?;
-                }
+                Ending::Stalled => self.factorize_instead()?,
             }
-        }
-        if self.now == Route::Mixed {
-            let (ending, _) = self.iterate(blocks, MIXED_ACCURACY, MOST_MIXED_ITERATIONS);
-            match ending {
-                Ending::Converged => {
-                    self.chooser.record_mixed(true);
-                    return Ok(());
-                }
-                Ending::Interrupted => return Err(SolveError::Interrupted),
-                Ending::Stalled | Ending::Indefinite { .. } => {}
-            }
-            self.replace_single()?;
         }
         self.direct.solve_in_place(blocks);
         Ok(())
     }
 
-    /// Conjugate gradients with the preconditioner of the route; b stays as it
-    /// is unless they converge.
-    fn iterate(
-        &mut self,
-        b: &mut [[f64; D]],
-        accuracy: f64,
-        most_iterations: usize,
-    ) -> (Ending, u64) {
+    /// Conjugate gradients; b stays as it is unless they converge.
+    fn iterate(&mut self, b: &mut [[f64; D]], accuracy: f64) -> Ending {
         let Iterative {
             matrix,
             gradients,
@@ -242,58 +182,38 @@ impl<const D: usize, const P: usize, const Q: usize> Core<D, P, Q> {
         } = self.iterative.as_mut().expect("made with the route");
         let before = gradients.iterations;
         gradients.residual.copy_from_slice(b);
-        let interrupt = self.direct.interrupt.clone();
         let until = Until {
             accuracy,
-            most_iterations,
-            interrupt: &interrupt,
+            most_iterations: self.chooser.most_iterations(),
+            interrupt: &self.direct.interrupt,
         };
-        let ending = match (self.now, multilevel) {
-            (Route::Iterative, Some(multilevel)) => {
-                let ending = gradients.solve(matrix, multilevel, until, solution);
-                if ending == Ending::Converged {
-                    multilevel.correct(gradients.residual_after_correction(matrix), solution);
-                }
-                ending
-            }
-            _ => {
-                let mut single = self.direct.single();
-                gradients.solve(matrix, &mut single, until, solution)
-            }
-        };
+        let ending = gradients.solve(matrix, multilevel, until, solution);
         if ending == Ending::Converged {
+            multilevel.correct(gradients.residual_after_correction(matrix), solution);
             b.copy_from_slice(solution);
         }
         let iterations = gradients.iterations - before;
         self.counts.iterations += iterations;
-        (ending, iterations)
+        self.chooser.record(iterations);
+        ending
     }
 }
 
 impl<const D: usize, const P: usize, const Q: usize> Iterative<D, P, Q> {
-    fn new(
-        n_blocks: usize,
-        pairs: &[[u32; 2]],
-        chooser: &Chooser,
-        options: Options<'_>,
-    ) -> Result<Self, SolveError> {
+    fn new(n_blocks: usize, pairs: &[[u32; 2]], options: Options<'_>) -> Result<Self, SolveError> {
         Ok(Self {
             matrix: Rows::new(n_blocks, pairs),
             gradients: ConjugateGradients::new(n_blocks),
             solution: vec![[0.0; D]; n_blocks],
-            multilevel: match chooser.may_iterate() {
-                true => Some(Multilevel::new(n_blocks, pairs, options)?),
-                false => None,
-            },
+            multilevel: Multilevel::new(n_blocks, pairs, options)?,
         })
     }
 
     /// In bytes; `None` if it cannot be counted.
     fn memory(&self) -> Option<u64> {
         let n_blocks = self.solution.len();
-        let multilevel = self.multilevel.as_ref();
         let rows = Rows::<P, Q>::memory(n_blocks, self.matrix.n_pairs());
         let vectors = ConjugateGradients::<D>::memory(n_blocks) + (8 * D * n_blocks) as u64;
-        Some(rows + vectors + multilevel.map_or(Some(0), Multilevel::<D, P, Q>::memory)?)
+        Some(rows + vectors + self.multilevel.memory()?)
     }
 }

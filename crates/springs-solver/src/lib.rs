@@ -2,9 +2,8 @@
 //!
 //! [`Solver::analyze`] orders the graph of blocks and factorizes symbolically,
 //! once; [`Solver::set_matrix`] and [`Solver::solve_in_place`] then do numeric
-//! work only and, on one thread, allocate nothing once warm. There are three
-//! [routes](Route): a factor in double precision, one in single precision that
-//! preconditions conjugate gradients, and conjugate gradients with a multilevel
+//! work only and, on one thread, allocate nothing once warm. There are two
+//! [routes](Route): a factor, and conjugate gradients with a multilevel
 //! preconditioner, which takes far less time and memory for large matrices that
 //! are not extremely stiff.
 //!
@@ -28,6 +27,7 @@ mod ordering;
 mod packing;
 mod parallel;
 mod solver;
+mod storage;
 mod strategy;
 mod subspace;
 
@@ -94,10 +94,6 @@ pub struct Experience {
     pub pause: u32,
     /// How long the next such pause will be.
     pub next_pause: u32,
-    /// Matrices until a factor in single precision is tried again.
-    pub mixed_pause: u32,
-    /// How long the next such pause will be.
-    pub next_mixed_pause: u32,
 }
 
 /// How much a factorization is.

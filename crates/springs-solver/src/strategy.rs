@@ -8,11 +8,6 @@ use crate::direct::Direct;
 pub enum Route {
     /// With a factor in double precision.
     Double,
-    /// With a factor in single precision; conjugate gradients in double
-    /// precision, with the factor as preconditioner, bring each solution to
-    /// 1e-11. Where they do not, or single precision finds a matrix indefinite that
-    /// is not, the next matrices are factorized in double precision at once.
-    Mixed,
     /// By conjugate gradients without a factor, with a multilevel
     /// preconditioner.
     Iterative,
@@ -60,15 +55,11 @@ impl Price {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Chooser {
     asked: Route,
-    /// The route where iteration does not pay.
-    direct: Route,
     direct_price: Price,
     iteration: f64,
     pub(crate) experience: Experience,
 }
 
-/// Factorizations below this many operations are not worth single precision.
-const WORTH_MIXING: f64 = 1e9;
 /// Iterations that a matrix is expected to take.
 const USUAL_ITERATIONS: f64 = 40.0;
 /// A preconditioner is made in the time of so many iterations.
@@ -82,10 +73,10 @@ const FIRST_PAUSE: u32 = 16;
 const LONGEST_PAUSE: u32 = 1024;
 
 impl Chooser {
-    pub(crate) fn new<const D: usize, const P: usize, const Q: usize>(
-        n_blocks: usize,
-        n_pairs: usize,
-        direct: &Direct<D, P, Q>,
+    /// `iteration` is the price of one.
+    pub(crate) fn new<const D: usize, const P: usize>(
+        direct: &Direct<D, P>,
+        iteration: f64,
         asked: Route,
     ) -> Self {
         let size = direct.size();
@@ -94,21 +85,15 @@ impl Chooser {
                 true => Route::Double,
                 false => asked,
             },
-            direct: match asked {
-                Route::Mixed => Route::Mixed,
-                Route::Auto | Route::Iterative if size.flops > WORTH_MIXING => Route::Mixed,
-                _ => Route::Double,
-            },
             direct_price: Price::with_factor(size.entries, size.flops),
-            iteration: Price::of_iteration::<P, Q>(n_blocks, n_pairs),
+            iteration,
             experience: Experience {
                 next_pause: FIRST_PAUSE,
-                next_mixed_pause: FIRST_PAUSE,
                 ..Experience::default()
             },
         };
         if chooser.asked == Route::Auto && !chooser.is_cheap(USUAL_ITERATIONS, 1) {
-            chooser.asked = chooser.direct;
+            chooser.asked = Route::Double;
         }
         chooser
     }
@@ -125,44 +110,7 @@ impl Chooser {
 
     /// Whether iteration without a factor is ever wanted.
     pub(crate) fn may_iterate(&self) -> bool {
-        matches!(self.asked, Route::Iterative | Route::Auto)
-    }
-
-    /// Whether a factor in single precision is ever wanted.
-    pub(crate) fn may_mix(&self) -> bool {
-        self.direct == Route::Mixed
-    }
-
-    /// The first route, and that after a pause.
-    pub(crate) fn first(&self) -> Route {
-        match self.may_iterate() {
-            true => Route::Iterative,
-            false => self.direct,
-        }
-    }
-
-    /// The route of a matrix for which iteration is not wanted or does not converge.
-    pub(crate) fn direct(&mut self) -> Route {
-        let pause = &mut self.experience.mixed_pause;
-        match self.direct {
-            Route::Mixed if *pause > 0 => {
-                *pause -= 1;
-                Route::Double
-            }
-            direct => direct,
-        }
-    }
-
-    /// Takes note of whether a factor in single precision was good enough; if not,
-    /// one in double precision was.
-    pub(crate) fn record_mixed(&mut self, is_good: bool) {
-        let now = &mut self.experience;
-        if is_good {
-            now.next_mixed_pause = FIRST_PAUSE;
-        } else {
-            now.mixed_pause = now.next_mixed_pause;
-            now.next_mixed_pause = longer(now.next_mixed_pause);
-        }
+        self.asked != Route::Double
     }
 
     pub(crate) fn price(&self) -> Price {
@@ -176,8 +124,8 @@ impl Chooser {
         }
     }
 
-    /// The route of the next matrix.
-    pub(crate) fn next(&mut self) -> Route {
+    /// Whether the next matrix is solved by iteration.
+    pub(crate) fn next(&mut self) -> bool {
         let last = self.experience;
         let is_dear = !self.is_cheap(last.iterations, last.solutions);
         let now = &mut self.experience;
@@ -185,17 +133,14 @@ impl Chooser {
             now.next_pause = FIRST_PAUSE;
             if is_dear {
                 now.pause = last.next_pause;
-                now.next_pause = longer(last.next_pause);
+                now.next_pause = last.next_pause.saturating_mul(2).min(LONGEST_PAUSE);
             }
         }
-        let is_iterative = now.pause == 0 && matches!(self.asked, Route::Iterative | Route::Auto);
+        let is_iterative = now.pause == 0 && self.asked != Route::Double;
         now.pause = now.pause.saturating_sub(1);
         (now.iterations, now.solutions) = (0.0, 0);
         now.is_iterative = is_iterative;
-        match is_iterative {
-            true => Route::Iterative,
-            false => self.direct(),
-        }
+        is_iterative
     }
 
     /// Takes note of a solution by iteration.
@@ -215,8 +160,4 @@ impl Chooser {
             _ => MOST_ITERATIONS as usize,
         }
     }
-}
-
-fn longer(pause: u32) -> u32 {
-    pause.saturating_mul(2).min(LONGEST_PAUSE)
 }

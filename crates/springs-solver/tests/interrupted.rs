@@ -48,7 +48,6 @@ fn work_under_way_ends() {
     for (route, threads) in [
         (Route::Double, 1),
         (Route::Double, 2),
-        (Route::Mixed, 2),
         (Route::Iterative, 1),
     ] {
         let options = Options {

@@ -2,7 +2,7 @@
 
 use springs_solver::{Options, Route, SolveError, Solver, Subspace};
 
-const ROUTES: [Route; 4] = [Route::Double, Route::Mixed, Route::Iterative, Route::Auto];
+const ROUTES: [Route; 3] = [Route::Double, Route::Iterative, Route::Auto];
 
 const SUBSPACES: [Subspace; 4] = [
     Subspace::Space,

@@ -126,7 +126,7 @@ fn collinear(n_blocks: usize, pairs: Vec<[u32; 2]>, k: f64, across: f64, n: Vect
     matrix
 }
 
-const ROUTES: [Route; 4] = [Route::Double, Route::Mixed, Route::Iterative, Route::Auto];
+const ROUTES: [Route; 3] = [Route::Double, Route::Iterative, Route::Auto];
 
 /// Nothing holds the massless node across; as soon as something does, there is a
 /// solution. Trees, small fronts and dense ones, stiffness from 1e-4 to 1e8.

@@ -2,10 +2,10 @@
 
 use super::failure::NoFactor;
 use super::fronts::Fronts;
-use super::kernels::{Real, eliminate_columns, eliminate_dense};
+use super::kernels::{eliminate_columns, eliminate_dense};
 use super::layout::{HandOn, Layout, update_size};
 use crate::Interrupt;
-use crate::block::{PIVOT_ROUNDING, Rounding, columns, is_symmetric, rows};
+use crate::block::{Rounding, columns, is_symmetric, rows};
 use dyn_stack::{MemBuffer, MemStack};
 
 /// Fronts with fewer columns or rows than this are eliminated column by column,
@@ -16,45 +16,42 @@ const FEW_ROWS: usize = 28;
 /// A matrix to be factorized: the blocks of the diagonal and of the strictly
 /// upper triangle, as the caller has them.
 #[derive(Clone, Copy)]
-pub(crate) struct Values<'a, T, const P: usize, const Q: usize> {
-    pub(crate) diagonal: &'a [[T; P]],
-    pub(crate) off_diagonal: &'a [[T; Q]],
+pub(crate) struct Values<'a, const P: usize, const Q: usize> {
+    pub(crate) diagonal: &'a [[f64; P]],
+    pub(crate) off_diagonal: &'a [[f64; Q]],
     /// Of the diagonal.
     pub(crate) rounding: Rounding,
 }
 
 /// What a thread works with.
-pub(crate) struct Workspace<T> {
+pub(crate) struct Workspace {
     /// Update of the front at work.
-    pub(crate) update: Vec<T>,
+    pub(crate) update: Vec<f64>,
     /// Errors of its diagonal entries.
-    pub(crate) errors: Vec<T>,
+    pub(crate) errors: Vec<f64>,
     pub(crate) memory: MemBuffer,
 }
 
 /// What all tasks share.
-pub(crate) struct Within<'a, T, const D: usize, const P: usize, const Q: usize> {
+pub(crate) struct Within<'a, const D: usize, const P: usize, const Q: usize> {
     pub(crate) fronts: &'a Fronts,
-    pub(crate) values: Values<'a, T, P, Q>,
+    pub(crate) values: Values<'a, P, Q>,
     pub(crate) layout: &'a Layout,
     pub(crate) interrupt: &'a Interrupt,
 }
 
-impl<T: Real, const D: usize, const P: usize, const Q: usize> Within<'_, T, D, P, Q> {
+impl<const D: usize, const P: usize, const Q: usize> Within<'_, D, P, Q> {
     /// Eliminates fronts one after the other: those of a task, or those above all
     /// tasks. `panels` begin with that of the first front or of all, and
     /// `finished` has the updates of children that are not among them.
     pub(crate) fn run<'b>(
         &self,
         list: impl Iterator<Item = usize> + Clone,
-        panels: &mut [T],
-        stack: &mut [T],
-        (workspace, threads): (&mut Workspace<T>, usize),
-        finished: impl Fn(usize) -> Option<&'b [T]>,
-    ) -> Result<(), NoFactor>
-    where
-        T: 'b,
-    {
+        panels: &mut [f64],
+        stack: &mut [f64],
+        (workspace, threads): (&mut Workspace, usize),
+        finished: impl Fn(usize) -> Option<&'b [f64]>,
+    ) -> Result<(), NoFactor> {
         let (fronts, layout) = (self.fronts, self.layout);
         let starts = &layout.panel_starts;
         let base = match panels.len() == layout.factor_size() {
@@ -125,15 +122,12 @@ impl<T: Real, const D: usize, const P: usize, const Q: usize> Within<'_, T, D, P
     fn eliminate<'b>(
         &self,
         front: usize,
-        panel: &mut [T],
-        update: &mut [T],
-        errors: &mut [T],
+        panel: &mut [f64],
+        update: &mut [f64],
+        errors: &mut [f64],
         (memory, threads): (&mut MemBuffer, usize),
-        update_of: impl Fn(usize) -> Option<&'b [T]>,
-    ) -> Result<(), NoFactor>
-    where
-        T: 'b,
-    {
+        update_of: impl Fn(usize) -> Option<&'b [f64]>,
+    ) -> Result<(), NoFactor> {
         let fronts = self.fronts;
         let (columns, height) = (errors.len(), panel.len() / errors.len());
         let is_small = columns < FEW_COLUMNS || height < FEW_ROWS;
@@ -151,7 +145,7 @@ impl<T: Real, const D: usize, const P: usize, const Q: usize> Within<'_, T, D, P
                     }
                 }
                 match is_small {
-                    true => eliminate_columns::<T, D>(panel, update, errors),
+                    true => eliminate_columns::<D>(panel, update, errors),
                     false => Ok(()),
                 }
             },
@@ -160,7 +154,7 @@ impl<T: Real, const D: usize, const P: usize, const Q: usize> Within<'_, T, D, P
             true => result,
             false => {
                 let stack = MemStack::new(memory);
-                eliminate_dense::<T, D>(panel, update, errors, (threads, self.interrupt), stack)
+                eliminate_dense::<D>(panel, update, errors, (threads, self.interrupt), stack)
             }
         };
         result.map_err(|column| NoFactor::NotPositive {
@@ -170,22 +164,21 @@ impl<T: Real, const D: usize, const P: usize, const Q: usize> Within<'_, T, D, P
 
     /// The errors of the diagonal of a front.
     #[inline(always)]
-    fn set_errors(&self, front: usize, errors: &mut [T]) {
-        let epsilon = T::of(PIVOT_ROUNDING) * T::EPSILON;
+    fn set_errors(&self, front: usize, errors: &mut [f64]) {
         let (errors, _) = errors.as_chunks_mut::<D>();
         for (errors, &block) in errors.iter_mut().zip(self.fronts.blocks(front)) {
             let block = &self.values.diagonal[block as usize];
-            *errors = self.values.rounding.diagonal_errors(block, epsilon);
+            *errors = self.values.rounding.diagonal_errors(block);
         }
     }
 
     /// The entries of the matrix in a front.
     #[inline(always)]
-    fn assemble(&self, front: usize, panel: &mut [T], update: &mut [T]) {
+    fn assemble(&self, front: usize, panel: &mut [f64], update: &mut [f64]) {
         let height = panel.len() / (D * self.fronts.n_columns(front));
-        panel.fill(T::default());
-        update.fill(T::default());
-        let mut put = |row: usize, column: usize, columns: [[T; D]; D]| {
+        panel.fill(0.0);
+        update.fill(0.0);
+        let mut put = |row: usize, column: usize, columns: [[f64; D]; D]| {
             for (k, values) in columns.iter().enumerate() {
                 let start = (D * column + k) * height + D * row;
                 panel[start..start + D].copy_from_slice(values);
@@ -193,18 +186,18 @@ impl<T: Real, const D: usize, const P: usize, const Q: usize> Within<'_, T, D, P
         };
         for (column, &block) in self.fronts.blocks(front).iter().enumerate() {
             let block = &self.values.diagonal[block as usize];
-            put(column, column, rows::<T, D, P>(block));
+            put(column, column, rows::<D, P>(block));
         }
         for entry in self.fronts.entries(front) {
             let block = &self.values.off_diagonal[entry.pair as usize];
             let (row, column) = (entry.row as usize, entry.column as usize);
             if is_symmetric::<D, Q>() {
-                put(row.max(column), row.min(column), rows::<T, D, Q>(block));
+                put(row.max(column), row.min(column), rows::<D, Q>(block));
             } else if row > column {
-                put(row, column, columns::<T, D, Q>(block));
+                put(row, column, columns::<D, Q>(block));
             } else {
                 // Of the transpose below the diagonal.
-                put(column, row, rows::<T, D, Q>(block));
+                put(column, row, rows::<D, Q>(block));
             }
         }
     }
@@ -214,10 +207,10 @@ impl<T: Real, const D: usize, const P: usize, const Q: usize> Within<'_, T, D, P
     fn add_update(
         &self,
         child: usize,
-        from: &[T],
+        from: &[f64],
         front: usize,
-        panel: &mut [T],
-        update: &mut [T],
+        panel: &mut [f64],
+        update: &mut [f64],
     ) {
         let fronts = self.fronts;
         let (n_columns, below) = (fronts.n_columns(front), D * fronts.rows(front).len());

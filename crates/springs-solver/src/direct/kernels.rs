@@ -10,64 +10,14 @@ use faer::linalg::matmul::matmul;
 use faer::linalg::matmul::triangular::{BlockStructure, matmul as matmul_triangular};
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::prelude::*;
-use faer::traits::RealField;
 use faer::{Accum, MatMut, MatRef, Par};
-use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Sub, SubAssign};
-
-/// The two kinds of floating point numbers, with the arithmetic that plain loops
-/// need.
-pub(crate) trait Real:
-    RealField
-    + Copy
-    + Default
-    + PartialOrd
-    + Send
-    + Sync
-    + Mul<Output = Self>
-    + Sub<Output = Self>
-    + Div<Output = Self>
-    + Add<Output = Self>
-    + AddAssign
-    + SubAssign
-    + MulAssign
-{
-    const EPSILON: Self;
-
-    fn of(value: f64) -> Self;
-
-    fn root(self) -> Self;
-}
-
-impl Real for f32 {
-    const EPSILON: Self = Self::EPSILON;
-
-    fn of(value: f64) -> Self {
-        value as f32
-    }
-
-    fn root(self) -> Self {
-        self.sqrt()
-    }
-}
-
-impl Real for f64 {
-    const EPSILON: Self = Self::EPSILON;
-
-    fn of(value: f64) -> Self {
-        value
-    }
-
-    fn root(self) -> Self {
-        self.sqrt()
-    }
-}
 
 /// Elimination column by column, for narrow fronts; the column where it fails.
 #[inline(always)]
-pub(crate) fn eliminate_columns<T: Real, const D: usize>(
-    panel: &mut [T],
-    update: &mut [T],
-    errors: &[T],
+pub(crate) fn eliminate_columns<const D: usize>(
+    panel: &mut [f64],
+    update: &mut [f64],
+    errors: &[f64],
 ) -> Result<(), usize> {
     let columns = errors.len();
     let height = panel.len() / columns;
@@ -85,10 +35,10 @@ pub(crate) fn eliminate_columns<T: Real, const D: usize>(
         if !is_positive {
             return Err(k);
         }
-        let root = pivot.root();
+        let root = pivot.sqrt();
         let column = &mut done[k * height..];
         column[k] = root;
-        let inverse = T::of(1.0) / root;
+        let inverse = 1.0 / root;
         for value in &mut column[k + 1..] {
             *value *= inverse;
         }
@@ -101,7 +51,7 @@ pub(crate) fn eliminate_columns<T: Real, const D: usize>(
         for (j, target) in update.chunks_exact_mut(below).enumerate() {
             let target = &mut target[j..];
             for block in panel.chunks_exact(D * height) {
-                let below: [&[T]; D] = std::array::from_fn(|k| {
+                let below: [&[f64]; D] = std::array::from_fn(|k| {
                     let row = &block[k * height + columns + j..(k + 1) * height];
                     &row[..target.len()]
                 });
@@ -124,10 +74,10 @@ const WORTH_SHARING: f64 = 1e7;
 
 /// Elimination by dense kernels, for wide fronts; the column where it fails. If it
 /// is interrupted, what is left of the front is of no use.
-pub(crate) fn eliminate_dense<T: Real, const D: usize>(
-    panel: &mut [T],
-    update: &mut [T],
-    errors: &[T],
+pub(crate) fn eliminate_dense<const D: usize>(
+    panel: &mut [f64],
+    update: &mut [f64],
+    errors: &[f64],
     (threads, interrupt): (usize, &Interrupt),
     stack: &mut MemStack,
 ) -> Result<(), usize> {
@@ -198,12 +148,12 @@ pub(crate) fn eliminate_dense<T: Real, const D: usize>(
 
 /// The columns of A −= L Lᵀ from `first` on that `tile` holds, as far as they are
 /// on or below the diagonal.
-fn subtract_product<T: Real>(l: MatRef<'_, T>, first: usize, tile: MatMut<'_, T>) {
+fn subtract_product(l: MatRef<'_, f64>, first: usize, tile: MatMut<'_, f64>) {
     let width = tile.ncols();
     let (_, tile) = tile.split_at_row_mut(first);
     let (diagonal, under) = tile.split_at_row_mut(width);
     let (of_diagonal, of_rest) = l.split_at_row(first).1.split_at_row(width);
-    let minus = T::of(-1.0);
+    let minus = -1.0;
     with_clean_registers(|| {
         matmul_triangular(
             diagonal,
@@ -227,7 +177,7 @@ fn subtract_product<T: Real>(l: MatRef<'_, T>, first: usize, tile: MatMut<'_, T>
     });
 }
 
-fn column_tiles<'a, T: Real + 'a>(mut rest: MatMut<'a, T>) -> impl Iterator<Item = MatMut<'a, T>> {
+fn column_tiles<'a>(mut rest: MatMut<'a, f64>) -> impl Iterator<Item = MatMut<'a, f64>> {
     std::iter::from_fn(move || {
         let size = TILE.min(rest.ncols());
         let all = std::mem::replace(
@@ -267,7 +217,7 @@ impl Tiles<'_> {
 
 /// y −= a·x.
 #[inline(always)]
-pub(crate) fn subtract_multiple<T: Real>(y: &mut [T], x: &[T], a: T) {
+pub(crate) fn subtract_multiple(y: &mut [f64], x: &[f64], a: f64) {
     for (y, x) in y.iter_mut().zip(x) {
         *y -= a * *x;
     }
@@ -275,9 +225,9 @@ pub(crate) fn subtract_multiple<T: Real>(y: &mut [T], x: &[T], a: T) {
 
 /// xᵀy, in lanes so that the order of the sum is that of the vector unit.
 #[inline(always)]
-pub(crate) fn dot_in_lanes<T: Real>(x: &[T], y: &[T]) -> T {
+pub(crate) fn dot_in_lanes(x: &[f64], y: &[f64]) -> f64 {
     const LANES: usize = 16;
-    let mut sums = [T::default(); LANES];
+    let mut sums = [0.0; LANES];
     let (xs, x_rest) = x.as_chunks::<LANES>();
     let (ys, y_rest) = y.as_chunks::<LANES>();
     for (x, y) in xs.iter().zip(ys) {
@@ -285,7 +235,7 @@ pub(crate) fn dot_in_lanes<T: Real>(x: &[T], y: &[T]) -> T {
             sums[lane] += x[lane] * y[lane];
         }
     }
-    let mut sum = T::default();
+    let mut sum = 0.0;
     for lane in sums {
         sum += lane;
     }

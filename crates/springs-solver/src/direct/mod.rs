@@ -1,4 +1,4 @@
-//! Direct solution: one order of elimination, and factors that share it.
+//! Direct solution: an order of elimination, and a factor.
 
 mod failure;
 mod front;
@@ -7,8 +7,6 @@ mod kernels;
 mod layout;
 mod multifrontal;
 mod registers;
-mod single;
-mod storage;
 mod substitution;
 mod tree;
 
@@ -16,41 +14,35 @@ use self::failure::NoFactor;
 use self::front::Values;
 use self::fronts::Fronts;
 use self::multifrontal::Multifrontal;
-use self::single::{Single, Substitution};
-use self::storage::filled;
 use self::tree::Tree;
 use crate::block::Rounding;
-use crate::iterative::Rows;
 use crate::ordering::best_elimination;
+use crate::storage::filled;
 use crate::{FactorSize, Interrupt, Options, SolveError};
 
-/// The symbolic factorization P A Pᵀ = L Lᵀ of a pattern, and the factors made
-/// with it; each is allocated when it is first needed.
-pub(crate) struct Direct<const D: usize, const P: usize, const Q: usize> {
+/// The symbolic factorization P A Pᵀ = L Lᵀ of a pattern, and the factor made
+/// with it, which is allocated when it is first needed.
+pub(crate) struct Direct<const D: usize, const P: usize> {
     /// Block of the caller at each position of the elimination order.
     order: Vec<usize>,
-    n_pairs: usize,
     fronts: Fronts,
     threads: usize,
     rounding: Rounding,
     size: FactorSize,
     /// In place of all others where there is no fill.
     tree: Option<Tree<D, P>>,
-    double: Option<Double<D>>,
-    single: Option<Single<D, P, Q>>,
-    /// By pair, of a matrix that came by rows; allocated with the first one.
-    off_diagonal: Vec<[f64; Q]>,
+    factor: Option<Factor<D>>,
     /// Heard by factorizations.
     pub(crate) interrupt: Interrupt,
 }
 
-/// A factor in double precision.
-struct Double<const D: usize> {
-    factor: Multifrontal<f64, D>,
+/// A factor, and a vector in the order of its columns.
+struct Factor<const D: usize> {
+    multifrontal: Multifrontal<D>,
     permuted: Vec<f64>,
 }
 
-impl<const D: usize, const P: usize, const Q: usize> Direct<D, P, Q> {
+impl<const D: usize, const P: usize> Direct<D, P> {
     /// Orders and factorizes symbolically.
     pub(crate) fn new(
         n_blocks: usize,
@@ -62,14 +54,11 @@ impl<const D: usize, const P: usize, const Q: usize> Direct<D, P, Q> {
         Ok(Self {
             threads: options.threads,
             rounding: Rounding::of(options.subspace),
-            n_pairs: pairs.len(),
             tree: Tree::new(&elimination),
             size: elimination.size(D),
             fronts,
             order: elimination.order,
-            double: None,
-            single: None,
-            off_diagonal: Vec::new(),
+            factor: None,
             interrupt: Interrupt::default(),
         })
     }
@@ -88,20 +77,14 @@ impl<const D: usize, const P: usize, const Q: usize> Direct<D, P, Q> {
         self.fronts.memory() + (size_of::<usize>() * self.order.len()) as u64
     }
 
-    /// Memory of the factor in double precision and what belongs to it, in
-    /// bytes; `None` if it cannot be counted.
-    pub(crate) fn double_memory(&self) -> Option<u64> {
+    /// Memory of the factor and what belongs to it, in bytes; `None` if it cannot
+    /// be counted.
+    pub(crate) fn factor_memory(&self) -> Option<u64> {
         if let Some(tree) = &self.tree {
             return Some(tree.memory());
         }
-        let factor = Multifrontal::<f64, D>::memory(&self.fronts, self.threads)?;
+        let factor = Multifrontal::<D>::memory(&self.fronts, self.threads)?;
         Some(factor + (8 * D * self.n_blocks()) as u64)
-    }
-
-    /// The same in single precision.
-    pub(crate) fn single_memory(&self) -> Option<u64> {
-        let factor = Multifrontal::<f32, D>::memory(&self.fronts, self.threads)?;
-        Some(factor + Single::<D, P, Q>::memory(self.n_blocks(), self.n_pairs))
     }
 
     fn n_blocks(&self) -> usize {
@@ -123,8 +106,7 @@ impl<const D: usize, const P: usize, const Q: usize> Direct<D, P, Q> {
         }
     }
 
-    /// Factorizes in double precision.
-    pub(crate) fn factorize(
+    pub(crate) fn factorize<const Q: usize>(
         &mut self,
         diagonal: &[[f64; P]],
         off_diagonal: &[[f64; Q]],
@@ -138,77 +120,41 @@ impl<const D: usize, const P: usize, const Q: usize> Direct<D, P, Q> {
             off_diagonal,
             rounding: self.rounding,
         };
-        self.allocate_double()?;
-        let double = self.double.as_mut().expect("allocated");
-        let done = double
-            .factor
+        self.allocate()?;
+        let factor = self.factor.as_mut().expect("allocated");
+        let done = factor
+            .multifrontal
             .factorize(&self.fronts, values, &self.interrupt);
         done.map_err(|why| self.no_factor(why))
     }
 
-    /// The same with a matrix by rows.
-    pub(crate) fn factorize_rows(&mut self, matrix: &Rows<P, Q>) -> Result<(), SolveError> {
-        let mut off_diagonal = std::mem::take(&mut self.off_diagonal);
-        if off_diagonal.is_empty() {
-            off_diagonal = filled([0.0; Q], self.n_pairs).ok_or(self.too_large())?;
-        }
-        for (_, _, pair, values) in matrix.pairs() {
-            off_diagonal[pair] = *values;
-        }
-        let done = self.factorize(matrix.diagonal(), &off_diagonal);
-        self.off_diagonal = off_diagonal;
-        done
-    }
-
-    fn allocate_double(&mut self) -> Result<(), SolveError> {
-        if self.double.is_none() {
+    fn allocate(&mut self) -> Result<(), SolveError> {
+        if self.factor.is_none() {
             let allocate = || {
-                Some(Double {
-                    factor: Multifrontal::new(&self.fronts, self.threads)?,
+                Some(Factor {
+                    multifrontal: Multifrontal::new(&self.fronts, self.threads)?,
                     permuted: filled(0.0, D * self.n_blocks())?,
                 })
             };
-            self.double = Some(allocate().ok_or(self.too_large())?);
+            self.factor = Some(allocate().ok_or(self.too_large())?);
         }
         Ok(())
     }
 
-    /// Factorizes in single precision.
-    pub(crate) fn factorize_single(&mut self, matrix: &Rows<P, Q>) -> Result<(), SolveError> {
-        if self.single.is_none() {
-            let n_blocks = self.n_blocks();
-            let single = Single::new(&self.fronts, n_blocks, self.n_pairs, self.threads);
-            self.single = Some(single.ok_or(self.too_large())?);
-        }
-        let single = self.single.as_mut().expect("allocated");
-        let done = single.factorize(&self.fronts, matrix, self.rounding, &self.interrupt);
-        done.map_err(|why| self.no_factor(why))
-    }
-
-    /// The factor in single precision; there must have been one.
-    pub(crate) fn single(&mut self) -> Substitution<'_, D, P, Q> {
-        Substitution {
-            single: self.single.as_mut().expect("a factor"),
-            fronts: &self.fronts,
-            order: &self.order,
-        }
-    }
-
-    /// Solves with the last factor in double precision; there must have been
-    /// one.
+    /// Solves with the last factor; there must have been one.
     pub(crate) fn solve_in_place(&mut self, x: &mut [[f64; D]]) {
         if let Some(tree) = &mut self.tree {
             return tree.solve_in_place(x);
         }
-        let double = self.double.as_mut().expect("a factor");
-        let (permuted, _) = double.permuted.as_chunks_mut::<D>();
+        let factor = self.factor.as_mut().expect("a factor");
+        let (permuted, _) = factor.permuted.as_chunks_mut::<D>();
         for (target, &block) in permuted.iter_mut().zip(&self.order) {
             *target = x[block];
         }
-        double
-            .factor
-            .solve_in_place(&self.fronts, &mut double.permuted);
-        let (permuted, _) = double.permuted.as_chunks::<D>();
+        factor
+            .multifrontal
+            .solve_in_place(&self.fronts, &mut factor.permuted);
+        let (permuted, _) = factor.permuted.as_chunks::<D>();
         for (source, &block) in permuted.iter().zip(&self.order) {
             x[block] = *source;
         }

@@ -3,51 +3,50 @@
 use super::failure::{NoFactor, first_failure};
 use super::front::{Values, Within, Workspace};
 use super::fronts::Fronts;
-use super::kernels::Real;
 use super::layout::{Layout, update_size};
-use super::storage::zeros;
 use super::substitution::Substitution;
 use crate::Interrupt;
 use crate::parallel::{largest_first, work_off};
+use crate::storage::zeros;
 use dyn_stack::MemBuffer;
 use faer::Par;
 use faer::linalg::cholesky::llt::factor::cholesky_in_place_scratch;
 use std::ops::Range;
 
 /// A factorization with the fronts of one pattern.
-pub(crate) struct Multifrontal<T, const D: usize> {
+pub(crate) struct Multifrontal<const D: usize> {
     layout: Layout,
-    factor: Vec<T>,
-    stacks: Vec<Vec<T>>,
+    factor: Vec<f64>,
+    stacks: Vec<Vec<f64>>,
     /// Per thread.
-    workspaces: Vec<Workspace<T>>,
-    substitution: Substitution<T, D>,
+    workspaces: Vec<Workspace>,
+    substitution: Substitution<D>,
 }
 
 /// One task with its part of the factor and its stack.
-struct Piece<'a, T> {
+struct Piece<'a> {
     task: Range<usize>,
-    panels: &'a mut [T],
-    stack: &'a mut [T],
+    panels: &'a mut [f64],
+    stack: &'a mut [f64],
 }
 
 /// Below this number of operations a second thread is not worth waking.
 const WORTH_A_THREAD: f64 = 1.5e7;
-impl<T: Real, const D: usize> Multifrontal<T, D> {
+impl<const D: usize> Multifrontal<D> {
     /// Of the factor and all workspace, in bytes; `None` if it cannot be counted.
     pub(crate) fn memory(fronts: &Fronts, threads: usize) -> Option<u64> {
         let layout = Layout::new(fronts, D)?;
         let stacks: usize = layout.stack_sizes.iter().sum();
         let workspaces = threads.max(1) * (layout.largest_update + layout.widest);
         let numbers = layout.factor_size() + stacks + workspaces;
-        let substitution = Substitution::<T, D>::memory(fronts, &layout, threads);
-        Some((size_of::<T>() * numbers + substitution) as u64)
+        let substitution = Substitution::<D>::memory(fronts, &layout, threads);
+        Some((size_of::<f64>() * numbers + substitution) as u64)
     }
 
     /// Allocates the factor and all workspace; `None` without enough memory.
     pub(crate) fn new(fronts: &Fronts, threads: usize) -> Option<Self> {
         let layout = Layout::new(fronts, D)?;
-        let scratch = cholesky_in_place_scratch::<T>(layout.widest, Par::Seq, Default::default());
+        let scratch = cholesky_in_place_scratch::<f64>(layout.widest, Par::Seq, Default::default());
         let mut stacks = Vec::new();
         for &size in &layout.stack_sizes {
             stacks.push(zeros(size)?);
@@ -75,7 +74,7 @@ impl<T: Real, const D: usize> Multifrontal<T, D> {
     pub(crate) fn factorize<const P: usize, const Q: usize>(
         &mut self,
         fronts: &Fronts,
-        values: Values<'_, T, P, Q>,
+        values: Values<'_, P, Q>,
         interrupt: &Interrupt,
     ) -> Result<(), NoFactor> {
         let layout = &self.layout;
@@ -85,7 +84,7 @@ impl<T: Real, const D: usize> Multifrontal<T, D> {
         };
         let (stacks, top_stack) = self.stacks.split_at_mut(layout.tasks.len());
         let panel_starts = &layout.panel_starts;
-        let within = Within::<T, D, P, Q> {
+        let within = Within::<D, P, Q> {
             fronts,
             values,
             layout,
@@ -117,7 +116,7 @@ impl<T: Real, const D: usize> Multifrontal<T, D> {
                 });
                 (rest, at) = (tail, end);
             }
-            let flops = |piece: &Piece<'_, T>| -> f64 {
+            let flops = |piece: &Piece<'_>| -> f64 {
                 let task = piece.task.clone();
                 task.map(|front| fronts.flops(front)).sum()
             };
@@ -161,7 +160,7 @@ impl<T: Real, const D: usize> Multifrontal<T, D> {
     }
 
     /// Replaces b by the solution, both in order of elimination.
-    pub(crate) fn solve_in_place(&mut self, fronts: &Fronts, x: &mut [T]) {
+    pub(crate) fn solve_in_place(&mut self, fronts: &Fronts, x: &mut [f64]) {
         self.substitution
             .solve_in_place(fronts, &self.layout, &self.factor, x);
     }

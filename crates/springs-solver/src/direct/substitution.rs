@@ -1,15 +1,15 @@
 //! Solution with the factor of a multifrontal factorization.
 
 use super::fronts::Fronts;
-use super::kernels::{Real, dot_in_lanes, subtract_multiple};
+use super::kernels::{dot_in_lanes, subtract_multiple};
 use super::layout::Layout;
-use super::storage::zeros;
 use crate::parallel::{largest_first, work_off};
+use crate::storage::zeros;
 use std::ops::Range;
 
 /// Workspace of solutions. Like factorizations, they run subtree by subtree and
 /// then through the fronts above, with the same bits for any number of threads.
-pub(crate) struct Substitution<T, const D: usize> {
+pub(crate) struct Substitution<const D: usize> {
     /// Where each row of each front is: its index among the columns of the task,
     /// or, past those, among the rows outside that the task touches; for fronts
     /// above the tasks, among their columns.
@@ -19,18 +19,18 @@ pub(crate) struct Substitution<T, const D: usize> {
     /// The columns of the top fronts.
     top_columns: Vec<u32>,
     /// Their entries of x.
-    top_x: Vec<T>,
+    top_x: Vec<f64>,
     /// Of the rows outside, task by task: first what the task adds to them, then
     /// what they are. They are those of its last front.
-    outside: Vec<T>,
+    outside: Vec<f64>,
     /// Per thread: the entries of x that a front touches.
-    gathered: Vec<Vec<T>>,
+    gathered: Vec<Vec<f64>>,
 }
 
 /// Below this number of entries a second thread is not worth waking.
 const WORTH_A_THREAD: usize = 600_000;
 
-impl<T: Real, const D: usize> Substitution<T, D> {
+impl<const D: usize> Substitution<D> {
     /// `None` without enough memory.
     pub(crate) fn new(fronts: &Fronts, layout: &Layout, threads: usize) -> Option<Self> {
         let mut top_index = vec![0; fronts.first[fronts.len()] as usize];
@@ -86,7 +86,7 @@ impl<T: Real, const D: usize> Substitution<T, D> {
             .sum();
         let indices = fronts.n_rows() + n_top + fronts.first[fronts.len()] as usize;
         let blocks = n_top + n_outside(fronts, layout);
-        4 * indices + size_of::<T>() * (D * blocks + threads.max(1) * layout.highest)
+        4 * indices + size_of::<f64>() * (D * blocks + threads.max(1) * layout.highest)
     }
 }
 
@@ -97,22 +97,22 @@ fn n_outside(fronts: &Fronts, layout: &Layout) -> usize {
 }
 
 /// What a task, or the top, sees of x.
-struct View<'a, T, const D: usize> {
+struct View<'a, const D: usize> {
     fronts: &'a Fronts,
-    factor: &'a [T],
+    factor: &'a [f64],
     panel_starts: &'a [usize],
     places: &'a [u32],
     top_index: &'a [u32],
     /// Its first column; `None` for the fronts above all tasks.
     first: Option<u32>,
     /// Its own entries of x.
-    own: &'a mut [T],
+    own: &'a mut [f64],
     /// Entries of the rows outside.
-    outside: &'a mut [T],
-    gathered: &'a mut [T],
+    outside: &'a mut [f64],
+    gathered: &'a mut [f64],
 }
 
-impl<T: Real, const D: usize> View<'_, T, D> {
+impl<const D: usize> View<'_, D> {
     /// Where the first column of a front is.
     #[inline(always)]
     fn place(&self, front: usize) -> usize {
@@ -124,7 +124,7 @@ impl<T: Real, const D: usize> View<'_, T, D> {
     }
 
     #[inline(always)]
-    fn block(&mut self, place: u32) -> &mut [T; D] {
+    fn block(&mut self, place: u32) -> &mut [f64; D] {
         let (own, _) = self.own.as_chunks_mut::<D>();
         let (outside, _) = self.outside.as_chunks_mut::<D>();
         let (place, n_own) = (place as usize, own.len());
@@ -206,16 +206,16 @@ enum Direction {
     Backward,
 }
 
-impl<T: Real, const D: usize> Substitution<T, D> {
+impl<const D: usize> Substitution<D> {
     /// Replaces b by the solution, both in order of elimination.
     pub(crate) fn solve_in_place(
         &mut self,
         fronts: &Fronts,
         layout: &Layout,
-        factor: &[T],
-        x: &mut [T],
+        factor: &[f64],
+        x: &mut [f64],
     ) {
-        self.outside.fill(T::default());
+        self.outside.fill(0.0);
         self.run_tasks(Direction::Forward, fronts, layout, factor, x);
         let (top_x, _) = self.top_x.as_chunks_mut::<D>();
         let (blocks, _) = x.as_chunks_mut::<D>();
@@ -231,7 +231,7 @@ impl<T: Real, const D: usize> Substitution<T, D> {
                 *target += *more;
             }
         }
-        let mut top = View::<T, D> {
+        let mut top = View::<D> {
             fronts,
             factor,
             panel_starts: &layout.panel_starts,
@@ -259,8 +259,8 @@ impl<T: Real, const D: usize> Substitution<T, D> {
         direction: Direction,
         fronts: &Fronts,
         layout: &Layout,
-        factor: &[T],
-        x: &mut [T],
+        factor: &[f64],
+        x: &mut [f64],
     ) {
         let threads = match factor.len() > WORTH_A_THREAD {
             true => self.gathered.len(),
@@ -287,8 +287,8 @@ impl<T: Real, const D: usize> Substitution<T, D> {
         });
         let panel_starts = &layout.panel_starts;
         let (places, top_index) = (&self.places, &self.top_index);
-        let run = |task: Task<'_, T>, gathered: &mut [T]| {
-            let mut view = View::<T, D> {
+        let run = |task: Task<'_>, gathered: &mut [f64]| {
+            let mut view = View::<D> {
                 fronts,
                 factor,
                 panel_starts,
@@ -305,7 +305,7 @@ impl<T: Real, const D: usize> Substitution<T, D> {
             tasks.for_each(|task| run(task, &mut self.gathered[0]));
             return;
         }
-        let size = |task: &Task<'_, T>| {
+        let size = |task: &Task<'_>| {
             (panel_starts[task.fronts.end] - panel_starts[task.fronts.start]) as f64
         };
         let shares = largest_first(tasks, threads, size);
@@ -316,9 +316,9 @@ impl<T: Real, const D: usize> Substitution<T, D> {
 }
 
 /// One subtree with its part of x.
-struct Task<'a, T> {
+struct Task<'a> {
     fronts: Range<usize>,
     first: u32,
-    own: &'a mut [T],
-    outside: &'a mut [T],
+    own: &'a mut [f64],
+    outside: &'a mut [f64],
 }

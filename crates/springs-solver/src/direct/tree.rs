@@ -2,8 +2,7 @@
 
 use super::failure::NoFactor;
 use crate::block::{
-    PIVOT_ROUNDING, Rounding, add, backward, cholesky, columns, dot, forward, is_symmetric, packed,
-    rows,
+    Rounding, add, backward, cholesky, columns, dot, forward, is_symmetric, packed, rows,
 };
 use crate::ordering::Elimination;
 
@@ -80,7 +79,7 @@ impl<const D: usize, const P: usize> Tree<D, P> {
         for index in 0..self.columns.len() {
             let column = &mut self.columns[index];
             let before = &diagonal[self.order[index]];
-            let errors = rounding.diagonal_errors(before, PIVOT_ROUNDING * f64::EPSILON);
+            let errors = rounding.diagonal_errors(before);
             let Some(factor) = cholesky::<D, P>(&column.diagonal, &errors) else {
                 return Err(NoFactor::NotPositive { column: index });
             };
@@ -93,9 +92,9 @@ impl<const D: usize, const P: usize> Tree<D, P> {
             // The upper triangle has the block in the row of the smaller one.
             let is_below = is_symmetric::<D, Q>() || self.order[parent] < self.order[index];
             let below = if is_below {
-                rows::<f64, D, Q>(block)
+                rows::<D, Q>(block)
             } else {
-                columns::<f64, D, Q>(block)
+                columns::<D, Q>(block)
             };
             let below = below.map(|row| forward::<D, P>(&factor, row));
             column.below = below;

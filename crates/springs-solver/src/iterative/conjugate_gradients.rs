@@ -1,14 +1,9 @@
 //! Preconditioned conjugate gradients.
 
+use super::multilevel::Multilevel;
 use super::rows::Rows;
 use crate::Interrupt;
 use crate::block::dot;
-
-/// What stands for the inverse of a matrix: symmetric, positive definite.
-pub(crate) trait Preconditioner<const D: usize, const P: usize, const Q: usize> {
-    /// `z` from the residual `r`.
-    fn apply(&mut self, matrix: &Rows<P, Q>, r: &[[f64; D]], z: &mut [[f64; D]]);
-}
 
 /// How a solution ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -71,7 +66,7 @@ impl<const D: usize> ConjugateGradients<D> {
     pub(crate) fn solve<const P: usize, const Q: usize>(
         &mut self,
         matrix: &Rows<P, Q>,
-        preconditioner: &mut dyn Preconditioner<D, P, Q>,
+        preconditioner: &mut Multilevel<D, P, Q>,
         Until {
             accuracy,
             most_iterations,

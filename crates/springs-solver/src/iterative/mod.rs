@@ -4,6 +4,6 @@ mod conjugate_gradients;
 mod multilevel;
 mod rows;
 
-pub(crate) use conjugate_gradients::{ConjugateGradients, Ending, Preconditioner, Until};
+pub(crate) use conjugate_gradients::{ConjugateGradients, Ending, Until};
 pub(crate) use multilevel::Multilevel;
 pub(crate) use rows::Rows;

@@ -1,7 +1,6 @@
 //! A preconditioner whose conjugate gradients take nearly the same number of
 //! iterations for any size.
 
-use super::conjugate_gradients::Preconditioner;
 use super::rows::Rows;
 use crate::block::{Rounding, add, is_symmetric, transposed, with_transposed};
 use crate::direct::Direct;
@@ -33,7 +32,7 @@ pub(crate) struct Multilevel<const D: usize, const P: usize, const Q: usize> {
 
 /// What solves for the correction.
 enum Coarse<const D: usize, const P: usize, const Q: usize> {
-    Direct(Box<Direct<D, P, Q>>),
+    Direct(Box<Direct<D, P>>),
     /// One application of the next coarser preconditioner.
     Level {
         matrix: Rows<P, Q>,
@@ -121,7 +120,7 @@ impl<const D: usize, const P: usize, const Q: usize> Multilevel<D, P, Q> {
         let own = (8 * P + 16 * D + 4) * n_blocks + 4 * self.coarse_pairs.len();
         let coarse_values = 8 * (P + D) * n_coarse + 8 * Q * self.coarse_off_diagonal.len();
         let coarse = match &self.coarse {
-            Coarse::Direct(direct) => direct.symbolic_memory() + direct.double_memory()?,
+            Coarse::Direct(direct) => direct.symbolic_memory() + direct.factor_memory()?,
             Coarse::Level { preconditioner, .. } => {
                 Rows::<P, Q>::memory(n_coarse, self.coarse_off_diagonal.len())
                     + (8 * D * n_coarse) as u64
@@ -212,12 +211,10 @@ impl<const D: usize, const P: usize, const Q: usize> Multilevel<D, P, Q> {
             add(z, correction[aggregate as usize]);
         }
     }
-}
 
-impl<const D: usize, const P: usize, const Q: usize> Preconditioner<D, P, Q>
-    for Multilevel<D, P, Q>
-{
-    fn apply(&mut self, matrix: &Rows<P, Q>, r: &[[f64; D]], z: &mut [[f64; D]]) {
+    /// `z` from the residual `r`: an approximation of the inverse, symmetric and
+    /// positive definite.
+    pub(crate) fn apply(&mut self, matrix: &Rows<P, Q>, r: &[[f64; D]], z: &mut [[f64; D]]) {
         let (mut swept, mut rest) = (
             std::mem::take(&mut self.swept),
             std::mem::take(&mut self.rest),

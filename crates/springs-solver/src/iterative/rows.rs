@@ -2,6 +2,7 @@
 
 use crate::SolveError;
 use crate::block::{Rounding, add, invert, subtract, times, times_transposed};
+use crate::storage::filled;
 
 /// A symmetric matrix: the diagonal with P numbers a block, and the strictly upper
 /// triangle with Q numbers a block, row by row with ascending columns.
@@ -68,6 +69,16 @@ impl<const P: usize, const Q: usize> Rows<P, Q> {
                 .zip(&self.upper[self.starts[row]..self.starts[row + 1]])
                 .map(|((row, column, source), values)| (row, column, source, values))
         })
+    }
+
+    /// The off-diagonal blocks in the order of the caller's pairs; `None` without
+    /// enough memory.
+    pub(crate) fn by_pair(&self) -> Option<Vec<[f64; Q]>> {
+        let mut blocks = filled([0.0; Q], self.upper.len())?;
+        for (block, &source) in self.upper.iter().zip(&self.sources) {
+            blocks[source as usize] = *block;
+        }
+        Some(blocks)
     }
 
     /// Columns right of the diagonal in a row, and where their blocks are.

@@ -282,8 +282,6 @@ impl LinearSystem {
             state.flag(&mut experience.is_iterative);
             state.count(&mut experience.pause);
             state.count(&mut experience.next_pause);
-            state.count(&mut experience.mixed_pause);
-            state.count(&mut experience.next_mixed_pause);
         }
         let constant = self.weights.or(self.counted).filter(|_| self.is_constant);
         let mut counted =

@@ -1,8 +1,8 @@
 //! Allocation that may fail.
 
 /// Zeroed storage, or `None` if there is not enough memory.
-pub(crate) fn zeros<T: Clone + Default>(length: usize) -> Option<Vec<T>> {
-    filled(T::default(), length)
+pub(crate) fn zeros(length: usize) -> Option<Vec<f64>> {
+    filled(0.0, length)
 }
 
 /// Storage full of one value, likewise.
