@@ -149,9 +149,12 @@ fn ours(pattern: &Pattern, dimension: usize, threads: usize) -> Solver {
 
 /// A right-hand side in the subspace, three components a block.
 fn right_hand_side(n_blocks: usize, dimension: usize) -> Vec<f64> {
-    let component = |k: usize| match k % 3 < dimension {
-        true => (k as f64).sin(),
-        false => 0.0,
+    let component = |k: usize| {
+        if k % 3 < dimension {
+            (k as f64).sin()
+        } else {
+            0.0
+        }
     };
     (0..3 * n_blocks).map(component).collect()
 }

@@ -81,9 +81,10 @@ impl Chooser {
     ) -> Self {
         let size = direct.size();
         let mut chooser = Self {
-            asked: match direct.is_tree() {
-                true => Route::Double,
-                false => asked,
+            asked: if direct.is_tree() {
+                Route::Double
+            } else {
+                asked
             },
             direct_price: Price::with_factor(size.entries, size.flops),
             iteration,
@@ -114,13 +115,14 @@ impl Chooser {
     }
 
     pub(crate) fn price(&self) -> Price {
-        match self.may_iterate() {
-            true => Price {
+        if self.may_iterate() {
+            Price {
                 matrix: PREPARATION * self.iteration,
                 solution: 0.0,
                 iteration: self.iteration,
-            },
-            false => self.direct_price,
+            }
+        } else {
+            self.direct_price
         }
     }
 

@@ -54,9 +54,10 @@ impl<const D: usize, const P: usize, const Q: usize> Within<'_, D, P, Q> {
     ) -> Result<(), NoFactor> {
         let (fronts, layout) = (self.fronts, self.layout);
         let starts = &layout.panel_starts;
-        let base = match panels.len() == layout.factor_size() {
-            true => 0,
-            false => starts[list.clone().next().unwrap_or(0)],
+        let base = if panels.len() == layout.factor_size() {
+            0
+        } else {
+            starts[list.clone().next().unwrap_or(0)]
         };
         let panel_of = |front: usize| starts[front] - base..starts[front + 1] - base;
         let size_of = |front: usize| update_size(fronts, front, D);
@@ -144,18 +145,18 @@ impl<const D: usize, const P: usize, const Q: usize> Within<'_, D, P, Q> {
                         self.add_update(child, from, front, panel, update);
                     }
                 }
-                match is_small {
-                    true => eliminate_columns::<D>(panel, update, errors),
-                    false => Ok(()),
+                if is_small {
+                    eliminate_columns::<D>(panel, update, errors)
+                } else {
+                    Ok(())
                 }
             },
         );
-        let result = match is_small {
-            true => result,
-            false => {
-                let stack = MemStack::new(memory);
-                eliminate_dense::<D>(panel, update, errors, (threads, self.interrupt), stack)
-            }
+        let result = if is_small {
+            result
+        } else {
+            let stack = MemStack::new(memory);
+            eliminate_dense::<D>(panel, update, errors, (threads, self.interrupt), stack)
         };
         result.map_err(|column| NoFactor::NotPositive {
             column: fronts.first[front] as usize + column / D,

@@ -78,9 +78,10 @@ impl<const D: usize> Multifrontal<D> {
         interrupt: &Interrupt,
     ) -> Result<(), NoFactor> {
         let layout = &self.layout;
-        let threads = match layout.flops > WORTH_A_THREAD {
-            true => self.workspaces.len(),
-            false => 1,
+        let threads = if layout.flops > WORTH_A_THREAD {
+            self.workspaces.len()
+        } else {
+            1
         };
         let (stacks, top_stack) = self.stacks.split_at_mut(layout.tasks.len());
         let panel_starts = &layout.panel_starts;

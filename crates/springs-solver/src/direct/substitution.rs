@@ -128,9 +128,10 @@ impl<const D: usize> View<'_, D> {
         let (own, _) = self.own.as_chunks_mut::<D>();
         let (outside, _) = self.outside.as_chunks_mut::<D>();
         let (place, n_own) = (place as usize, own.len());
-        match place < n_own {
-            true => &mut own[place],
-            false => &mut outside[place - n_own],
+        if place < n_own {
+            &mut own[place]
+        } else {
+            &mut outside[place - n_own]
         }
     }
 
@@ -262,9 +263,10 @@ impl<const D: usize> Substitution<D> {
         factor: &[f64],
         x: &mut [f64],
     ) {
-        let threads = match factor.len() > WORTH_A_THREAD {
-            true => self.gathered.len(),
-            false => 1,
+        let threads = if factor.len() > WORTH_A_THREAD {
+            self.gathered.len()
+        } else {
+            1
         };
         let mut rest = x;
         let mut at = 0;

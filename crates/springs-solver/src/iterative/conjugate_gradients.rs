@@ -142,12 +142,14 @@ fn add_multiple<const D: usize>(y: &mut [[f64; D]], x: &[[f64; D]], s: f64) {
 
 /// The block with the largest entry.
 fn largest<const D: usize>(x: &[[f64; D]]) -> usize {
-    let size = |block: &[f64; D]| block.iter().fold(0f64, |size, entry| size.max(entry.abs()));
-    let sizes = x.iter().map(size).enumerate();
-    sizes
-        .fold((0, 0.0), |best, (block, size)| match size > best.1 {
-            true => (block, size),
-            false => best,
-        })
-        .0
+    let mut largest = (0, 0.0);
+    for (block, entries) in x.iter().enumerate() {
+        let size = entries
+            .iter()
+            .fold(0f64, |size, entry| size.max(entry.abs()));
+        if size > largest.1 {
+            largest = (block, size);
+        }
+    }
+    largest.0
 }

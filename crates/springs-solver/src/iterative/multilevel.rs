@@ -89,15 +89,14 @@ impl<const D: usize, const P: usize, const Q: usize> Multilevel<D, P, Q> {
         let dearest = dearest_coarse * Price::of_iteration::<P, Q>(n_blocks, pairs.len());
         let size = direct.size();
         let is_cheap = Price::with_factor(size.entries, size.flops).matrix <= dearest;
-        let coarse = match is_cheap || n_coarse == n_blocks {
-            true => Coarse::Direct(Box::new(direct)),
-            false => {
-                let next = Self::with_dearest_coarse(n_coarse, &distinct, options, dearest_coarse);
-                Coarse::Level {
-                    matrix: Rows::new(n_coarse, &distinct),
-                    preconditioner: Box::new(next?),
-                    solution: vec![[0.0; D]; n_coarse],
-                }
+        let coarse = if is_cheap || n_coarse == n_blocks {
+            Coarse::Direct(Box::new(direct))
+        } else {
+            let next = Self::with_dearest_coarse(n_coarse, &distinct, options, dearest_coarse);
+            Coarse::Level {
+                matrix: Rows::new(n_coarse, &distinct),
+                preconditioner: Box::new(next?),
+                solution: vec![[0.0; D]; n_coarse],
             }
         };
         Ok(Self {

@@ -45,9 +45,10 @@ struct Dissection<'a> {
 
 impl Dissection<'_> {
     fn dissect(&mut self, part: Vec<u32>) -> Result<(), SolveError> {
-        let cut = match part.len() > LEAF {
-            true => self.best_cut(&part),
-            false => None,
+        let cut = if part.len() > LEAF {
+            self.best_cut(&part)
+        } else {
+            None
         };
         let Some([left, right, separator]) = cut else {
             return self.minimum_degree(&part);
@@ -95,9 +96,10 @@ impl Dissection<'_> {
             blocks.iter().filter(touches).copied().collect()
         };
         let (of_left, of_right) = (touching(left, Side::Right), touching(right, Side::Left));
-        let mut separator = match of_left.len() < of_right.len() {
-            true => of_left,
-            false => of_right,
+        let mut separator = if of_left.len() < of_right.len() {
+            of_left
+        } else {
+            of_right
         };
         for &block in &separator {
             self.side[block as usize] = Side::Outside;

@@ -130,9 +130,10 @@ pub(crate) fn best_elimination(
     };
     assert_eq!(positions.len(), n_blocks, "one position per block");
     let dissected = Elimination::new(&nested_dissection(pairs, positions)?, pairs)?;
-    match dissected.size(3).flops < minimum.size(3).flops {
-        true => Ok(dissected),
-        false => Ok(minimum),
+    if dissected.size(3).flops < minimum.size(3).flops {
+        Ok(dissected)
+    } else {
+        Ok(minimum)
     }
 }
 
