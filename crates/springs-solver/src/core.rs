@@ -5,6 +5,21 @@ use crate::iterative::{ConjugateGradients, Ending, Multilevel, Rows, Until};
 use crate::strategy::Chooser;
 use crate::{Counts, Experience, Interrupt, Options, Price, SolveError};
 
+/// A solver for one dimension of blocks, of matrices with 3 × 3 blocks; off the
+/// diagonal they have N numbers.
+pub(crate) trait Dimension<const N: usize>: Send + Sync {
+    fn experience(&mut self) -> &mut Experience;
+
+    fn set_interrupt(&mut self, interrupt: &Interrupt);
+
+    fn counts(&self) -> Counts;
+
+    /// Of each pair (a, b) the block of the upper triangle.
+    fn set_matrix(&mut self, diagonal: &[[f64; 6]], upper: &[[f64; N]]) -> Result<(), SolveError>;
+
+    fn solve_in_place(&mut self, rhs: &mut [[f64; 3]], accuracy: f64) -> Result<(), SolveError>;
+}
+
 /// A solver of A x = b with D × D blocks: P numbers a diagonal block, packed, and
 /// Q an off-diagonal one. Of a pair (a, b) that is the block of the upper
 /// triangle, at row min(a, b) and column max(a, b).
@@ -215,5 +230,27 @@ impl<const D: usize, const P: usize, const Q: usize> Iterative<D, P, Q> {
         let rows = Rows::<P, Q>::memory(n_blocks, self.matrix.n_pairs());
         let vectors = ConjugateGradients::<D>::memory(n_blocks) + (8 * D * n_blocks) as u64;
         Some(rows + vectors + self.multilevel.memory()?)
+    }
+}
+
+impl<const N: usize> Dimension<N> for Core<3, 6, N> {
+    fn experience(&mut self) -> &mut Experience {
+        self.experience()
+    }
+
+    fn set_interrupt(&mut self, interrupt: &Interrupt) {
+        self.set_interrupt(interrupt);
+    }
+
+    fn counts(&self) -> Counts {
+        self.counts()
+    }
+
+    fn set_matrix(&mut self, diagonal: &[[f64; 6]], upper: &[[f64; N]]) -> Result<(), SolveError> {
+        self.set_matrix(diagonal, upper)
+    }
+
+    fn solve_in_place(&mut self, rhs: &mut [[f64; 3]], accuracy: f64) -> Result<(), SolveError> {
+        self.solve_in_place(rhs, accuracy)
     }
 }

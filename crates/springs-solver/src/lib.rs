@@ -26,6 +26,7 @@ mod iterative;
 mod ordering;
 mod packing;
 mod parallel;
+mod reduced;
 mod solver;
 mod storage;
 mod strategy;

@@ -1,8 +1,8 @@
 //! Systems on a pattern analyzed once.
 
-use crate::core::Core;
+use crate::core::{Core, Dimension};
 use crate::packing::Upper;
-use crate::subspace::{Reduced, RightHandSide};
+use crate::reduced::{Reduced, RightHandSide};
 use crate::{
     Counts, Experience, Interrupt, OffDiagonal, Options, Packing, Price, SolveError, Subspace,
 };
@@ -32,43 +32,6 @@ pub struct Solver {
 enum Kind {
     Symmetric(Box<dyn Dimension<6>>),
     General(Box<dyn Dimension<9>>, Upper),
-}
-
-/// A solver for one dimension of blocks, of matrices with 3 × 3 blocks; off the
-/// diagonal they have N numbers.
-pub(crate) trait Dimension<const N: usize>: Send + Sync {
-    fn experience(&mut self) -> &mut Experience;
-
-    fn set_interrupt(&mut self, interrupt: &Interrupt);
-
-    fn counts(&self) -> Counts;
-
-    /// Of each pair (a, b) the block of the upper triangle.
-    fn set_matrix(&mut self, diagonal: &[[f64; 6]], upper: &[[f64; N]]) -> Result<(), SolveError>;
-
-    fn solve_in_place(&mut self, rhs: &mut [[f64; 3]], accuracy: f64) -> Result<(), SolveError>;
-}
-
-impl<const N: usize> Dimension<N> for Core<3, 6, N> {
-    fn experience(&mut self) -> &mut Experience {
-        self.experience()
-    }
-
-    fn set_interrupt(&mut self, interrupt: &Interrupt) {
-        self.set_interrupt(interrupt);
-    }
-
-    fn counts(&self) -> Counts {
-        self.counts()
-    }
-
-    fn set_matrix(&mut self, diagonal: &[[f64; 6]], upper: &[[f64; N]]) -> Result<(), SolveError> {
-        self.set_matrix(diagonal, upper)
-    }
-
-    fn solve_in_place(&mut self, rhs: &mut [[f64; 3]], accuracy: f64) -> Result<(), SolveError> {
-        self.solve_in_place(rhs, accuracy)
-    }
 }
 
 impl Solver {
