@@ -135,6 +135,7 @@ fn scene() -> impl Strategy<Value = Scene> {
         nodes,
         springs,
         settings,
+        ..Scene::default()
     })
 }
 

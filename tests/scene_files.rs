@@ -99,6 +99,29 @@ fn both_brackets_integers_comments_and_short_forms_are_read() {
 }
 
 /// The example of the scene format, as users know it.
+/// Loads in all their forms, and drag.
+#[test]
+fn loads_and_drag_read_back() {
+    let text = "Scene(version: 1, drag: 0.25,
+        nodes: [(position: (0, 0, 0), mass: 1), (position: (1, 0, 0), mass: 2)],
+        loads: [
+            (nodes: [0, 1], force: (0, 0, -100)),
+            (nodes: [1], force: (1, 2, 3), over_time: Ramp(from: 0.5, to: 2)),
+            (nodes: [0], force: (0, 1, 0), over_time: Sine(frequency: 2.5)),
+            (nodes: [1], force: (0, 1, 0), over_time: Table([(0, 0), (2, 100), (2.5, -1e-3)])),
+        ],
+    )";
+    let scene = parse_scene("loads.ron", text).unwrap();
+    assert_eq!(scene.drag, 0.25);
+    assert_eq!(scene.loads.len(), 4);
+    assert_eq!(scene.loads[0].nodes, [0, 1]);
+    assert_eq!(scene.loads[1].over_time.factor(1.25), 0.5);
+    assert_eq!(scene.loads[2].over_time.factor(0.1), 1.0);
+    assert_eq!(scene.loads[3].over_time.factor(1.0), 50.0);
+    let again = parse_scene("again.ron", &scene_to_string(&scene)).unwrap();
+    assert_eq!(again, scene);
+}
+
 #[test]
 fn the_documented_scene_is_read() {
     let scene = parse_scene(

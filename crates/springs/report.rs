@@ -38,6 +38,7 @@ impl TurnedOver {
             now.gravity() - start.gravity(),
             account.ledger.heat.sum(),
             account.ledger.anchor_work,
+            account.ledger.load_work,
         ];
         self.0 = flows
             .into_iter()
@@ -187,6 +188,7 @@ fn energy(islands: &Islands, mut turned_over: TurnedOver) -> EnergyReport {
         end: energy_sum(&end),
         anchor_work: ledger.anchor_work,
         dashpot_heat: ledger.heat.sum(),
+        load_work: ledger.load_work,
         method_gain: ledger.method_gain(&end),
         turned_over: turned_over.0,
     }

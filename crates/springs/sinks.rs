@@ -107,6 +107,7 @@ impl Sinks {
             energy: energy_sum(energy),
             anchor_work: ledger.anchor_work,
             dashpot_heat: ledger.heat.sum(),
+            load_work: ledger.load_work,
             method_gain: ledger.method_gain(energy),
         };
         self.awaits_energies = false;

@@ -1,10 +1,13 @@
 //! From a scene to a system: everything that is decided once.
 
+use crate::drag::Drag;
 use crate::elements::{Element, PointMasses, SpringMasses};
 use crate::gravity::Gravity;
+use crate::loads::SceneLoad;
 use crate::system::Couplings;
 use crate::{
-    BlockPattern, Dashpots, Emitter, Lines, Motion, Numbering, SpringBetween, Springs, System,
+    BlockPattern, Dashpots, Emitter, Lines, Loads, Motion, Numbering, SpringBetween, Springs,
+    System,
 };
 use springs_math::spring;
 use springs_scene::{Problem, Scene, Spring};
@@ -24,8 +27,8 @@ pub enum CompileError {
     },
 }
 
-/// Numbers the nodes, lumps the masses, makes the emitters of springs, dashpots and
-/// gravity, and fixes the sparsity pattern.
+/// Numbers the nodes, lumps the masses, makes the emitters of springs, gravity,
+/// dashpots, loads and drag, and fixes the sparsity pattern.
 ///
 /// # Errors
 ///
@@ -58,8 +61,18 @@ pub fn compile_with(scene: &Scene, others: Vec<Box<dyn Emitter>>) -> Result<Syst
     let mut dashpots = dashpots_of(scene);
     dashpots.number(&numbering);
     let gravity = Gravity::new(&scene.gravity, &masses);
-    let mut emitters: Vec<Box<dyn Emitter>> =
-        vec![Box::new(springs), Box::new(gravity), Box::new(dashpots)];
+    let mut loads = loads_of(scene);
+    loads.number(&numbering);
+    let free = (0..scene.nodes.len()).filter(|&node| !scene.nodes[node].fixed);
+    let mut drag = Drag::on(free, scene.drag);
+    drag.number(&numbering);
+    let mut emitters: Vec<Box<dyn Emitter>> = vec![
+        Box::new(springs),
+        Box::new(gravity),
+        Box::new(dashpots),
+        Box::new(loads),
+        Box::new(drag),
+    ];
     for mut emitter in others {
         emitter.number(&numbering);
         emitters.push(emitter);
@@ -107,6 +120,20 @@ fn springs_of(scene: &Scene) -> Springs {
     });
     let springs: Vec<_> = springs.collect();
     Springs::of_scene(&springs, index, n_merged)
+}
+
+fn loads_of(scene: &Scene) -> Loads<SceneLoad> {
+    let each = scene.loads.iter().flat_map(|load| {
+        let on = |&node: &usize| {
+            let load = SceneLoad {
+                force: load.force,
+                over_time: load.over_time.clone(),
+            };
+            (node, load)
+        };
+        load.nodes.iter().map(on)
+    });
+    Loads::new("loads", each)
 }
 
 /// The springs that have a damping; those between the same two nodes are one, unless

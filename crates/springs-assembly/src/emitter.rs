@@ -163,7 +163,8 @@ pub trait Emitter: Send + Sync {
 /// What may be relied on of an emitter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Nature {
-    /// Number of terms that have a stencil.
+    /// Number of terms that have a stencil; without any there are neither forces of
+    /// positions or velocities nor a matrix.
     pub n_terms: usize,
     /// How many terms of the scene became part of others.
     pub n_merged: usize,

@@ -16,8 +16,12 @@ impl Lines {
     pub const GRAVITY: usize = 1;
     /// The line of dashpots.
     pub const DASHPOTS: usize = 2;
+    /// The line of loads, whose work is a flow of its own.
+    pub const LOADS: usize = 3;
+    /// The line of drag.
+    pub const DRAG: usize = 4;
     /// The first line of other emitters.
-    pub const OTHERS: usize = 3;
+    pub const OTHERS: usize = 5;
 
     /// All lines together.
     pub fn sum(&self) -> f64 {

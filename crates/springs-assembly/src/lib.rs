@@ -34,6 +34,7 @@ mod compile;
 mod connections;
 mod dashpots;
 mod dofs;
+mod drag;
 mod elements;
 mod emitter;
 mod energy;

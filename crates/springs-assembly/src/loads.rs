@@ -2,6 +2,7 @@
 
 use crate::{Emitter, Evaluation, Linearization, Nature, Numbering, StiffnessKind};
 use nalgebra::Vector3;
+use springs_scene::OverTime;
 
 /// A force over time.
 pub trait History: Send + Sync {
@@ -20,6 +21,23 @@ pub struct Loads<H> {
     /// Nodes of the scene until they are numbered; then blocks.
     blocks: Vec<u32>,
     n_free: usize,
+}
+
+/// A force over time, as scenes have it.
+#[derive(Clone, Debug)]
+pub(crate) struct SceneLoad {
+    pub(crate) force: Vector3<f64>,
+    pub(crate) over_time: OverTime,
+}
+
+impl History for SceneLoad {
+    fn force(&self, time: f64) -> Vector3<f64> {
+        self.force * self.over_time.factor(time)
+    }
+
+    fn rate(&self, time: f64) -> Vector3<f64> {
+        self.force * self.over_time.rate(time)
+    }
 }
 
 impl<H: History> Loads<H> {
@@ -56,10 +74,10 @@ impl<H: History> Emitter for Loads<H> {
             n_merged: 0,
             stiffness: StiffnessKind::None,
             is_constant: false,
-            is_load: true,
+            is_load: !self.histories.is_empty(),
             is_damped: false,
             // They may push anywhere.
-            is_central: false,
+            is_central: self.histories.is_empty(),
             has_symmetric_blocks: true,
         }
     }

@@ -256,7 +256,7 @@ impl System {
         let forces = &mut forces[..self.n_free()];
         forces.copy_from_slice(&self.constant_forces);
         for (emitter, nature) in self.emitters().zip(&self.natures) {
-            if !nature.is_constant {
+            if nature.n_terms > 0 {
                 emitter.add_forces(x, forces);
             }
         }
@@ -335,7 +335,7 @@ impl System {
         out.anchor_load.fill(Vector3::zeros());
         out.matrix.set_mass(at.weights.mass, &self.masses);
         self.each_with_carried(at, |line, emitter, at| {
-            if !self.natures[line].is_constant {
+            if self.natures[line].n_terms > 0 {
                 emitter.linearize(at, out);
             }
         });

@@ -37,6 +37,12 @@ pub trait Term<const N: usize>: Send + Sync {
         false
     }
 
+    /// Whether forces are parallel to where its nodes are apart, or to their
+    /// velocities, so that motion in a plane or on a line stays there.
+    fn is_central(&self) -> bool {
+        false
+    }
+
     /// The forces that depend on velocities, in N: those that damp.
     fn damping_forces(&self, _x: &[Vector3<f64>; N], _v: &[Vector3<f64>; N]) -> [Vector3<f64>; N] {
         [Vector3::zeros(); N]
@@ -172,11 +178,19 @@ impl<const N: usize, T: Term<N>> Emitter for Terms<N, T> {
         Nature {
             n_terms: self.terms.len(),
             n_merged: 0,
-            stiffness: StiffnessKind::Variable,
+            stiffness: if self
+                .terms
+                .iter()
+                .all(|term| term.largest_stiffness() == 0.0)
+            {
+                StiffnessKind::None
+            } else {
+                StiffnessKind::Variable
+            },
             is_constant: false,
             is_load: false,
             is_damped: self.terms.iter().any(Term::is_damped),
-            is_central: false,
+            is_central: self.terms.iter().all(Term::is_central),
             has_symmetric_blocks: N == 1,
         }
     }

@@ -9,7 +9,7 @@ pub static ENERGIES: Table = Table {
     name: "energy",
     about: "energy.csv: where the energy is and went, at each frame",
     file: "energy.csv",
-    header: "time,kinetic,elastic,gravity,total,anchor_work,dashpot_heat,method_gain",
+    header: "time,kinetic,elastic,gravity,total,anchor_work,dashpot_heat,method_gain,load_work",
     rows: Rows::Energies(row),
 };
 
@@ -20,10 +20,11 @@ fn row(energies: &FrameEnergies, bytes: &mut Vec<u8>) {
         anchor_work,
         dashpot_heat,
         method_gain,
+        load_work,
     } = energies;
     writeln!(
         bytes,
-        "{time:?},{:?},{:?},{:?},{:?},{anchor_work:?},{dashpot_heat:?},{method_gain:?}",
+        "{time:?},{:?},{:?},{:?},{:?},{anchor_work:?},{dashpot_heat:?},{method_gain:?},{load_work:?}",
         energy.kinetic, energy.elastic, energy.gravity, energy.total
     )
     .expect("writing to memory");
@@ -56,14 +57,15 @@ mod tests {
             anchor_work: 4.0,
             dashpot_heat: 5.0,
             method_gain: -0.0,
+            load_work: 0.5,
         };
         sink.energies(&energies).unwrap();
         sink.finish(&RunEnd { scene, time: 0.5 }).unwrap();
         let text = std::fs::read_to_string(folder.path().join("energy.csv")).unwrap();
         assert_eq!(
             text,
-            "time,kinetic,elastic,gravity,total,anchor_work,dashpot_heat,method_gain\n\
-             0.5,1.0,2.0,-3.0,0.1,4.0,5.0,-0.0\n"
+            "time,kinetic,elastic,gravity,total,anchor_work,dashpot_heat,method_gain,load_work\n\
+             0.5,1.0,2.0,-3.0,0.1,4.0,5.0,-0.0,0.5\n"
         );
     }
 }

@@ -30,6 +30,11 @@ pub(crate) fn locate(text: &str, path: Path) -> Place {
             Some(Step::Index(index)),
             name.map(Step::Field),
         ],
+        Path::Load(index, name) => [
+            field("loads"),
+            Some(Step::Index(index)),
+            name.map(Step::Field),
+        ],
     };
     for step in steps.into_iter().flatten() {
         let enclosing = walker.at;

@@ -1,11 +1,13 @@
 //! From a scene file to a scene.
 
 use crate::locate::{Place, locate};
-use crate::scene_file::{NodeEntry, SceneFile, SimulationEntry, SpringEntry};
+use crate::scene_file::{
+    LoadEntry, NodeEntry, OverTimeEntry, SceneFile, SimulationEntry, SpringEntry,
+};
 use crate::syntax;
 use nalgebra::Vector3;
 use ron::extensions::Extensions;
-use springs_scene::{Method, Node, Scene, Settings, Spring, StepControl};
+use springs_scene::{Load, Method, Node, OverTime, Scene, Settings, Spring, StepControl};
 use std::fmt;
 use std::io::{self, Read};
 use std::path::Path;
@@ -271,6 +273,8 @@ fn scene(file: SceneFile) -> Scene {
         gravity: vector(file.gravity),
         springs: springs.map(|entry| spring(entry, &nodes)).collect(),
         nodes,
+        loads: file.loads.0.into_iter().map(load).collect(),
+        drag: file.drag.0,
         settings: settings(file.simulation),
     }
 }
@@ -302,6 +306,28 @@ fn spring(entry: SpringEntry, nodes: &[Node]) -> Spring {
         rest_length: entry.rest_length.map_or_else(distance, |real| real.0),
         mass: entry.mass.0,
         damping: entry.damping.0,
+    }
+}
+
+fn load(entry: LoadEntry) -> Load {
+    Load {
+        nodes: entry.nodes.0.iter().map(|index| index.0).collect(),
+        force: vector(entry.force),
+        over_time: match entry.over_time {
+            OverTimeEntry::Constant => OverTime::Constant,
+            OverTimeEntry::Ramp { from, to } => OverTime::Ramp {
+                from: from.0,
+                to: to.0,
+            },
+            OverTimeEntry::Sine { frequency, phase } => OverTime::Sine {
+                frequency: frequency.0,
+                phase: phase.0,
+            },
+            OverTimeEntry::Table(points) => {
+                let points = points.0.iter().map(|point| point.0.map(|real| real.0));
+                OverTime::Table(points.collect())
+            }
+        },
     }
 }
 

@@ -168,8 +168,10 @@ pub struct EnergyReport {
     pub end: EnergySum,
     /// Work of moving anchors.
     pub anchor_work: f64,
-    /// Heat of dashpots.
+    /// Heat of dashpots and drag.
     pub dashpot_heat: f64,
+    /// Work of loads.
+    pub load_work: f64,
     /// The rest: gain of the method itself, negative for a loss. Heat and work
     /// are integrated from step ends, to order 2 at most; what that misses is
     /// in here, too.

@@ -22,7 +22,37 @@ pub(crate) struct SceneFile {
     #[serde(default)]
     pub(crate) springs: List<SpringEntry>,
     #[serde(default)]
+    pub(crate) loads: List<LoadEntry>,
+    #[serde(default)]
+    pub(crate) drag: Real,
+    #[serde(default)]
     pub(crate) simulation: SimulationEntry,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, rename = "Load")]
+pub(crate) struct LoadEntry {
+    pub(crate) nodes: List<NodeIndex>,
+    pub(crate) force: Tuple<3, Real>,
+    #[serde(default)]
+    pub(crate) over_time: OverTimeEntry,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields, rename = "OverTime")]
+pub(crate) enum OverTimeEntry {
+    #[default]
+    Constant,
+    Ramp {
+        from: Real,
+        to: Real,
+    },
+    Sine {
+        frequency: Real,
+        #[serde(default)]
+        phase: Real,
+    },
+    Table(List<Tuple<2, Real>>),
 }
 
 #[derive(Deserialize)]

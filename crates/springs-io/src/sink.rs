@@ -145,6 +145,8 @@ pub struct FrameEnergies {
     pub anchor_work: f64,
     /// Heat of dashpots since the start.
     pub dashpot_heat: f64,
+    /// Work of loads so far, in J.
+    pub load_work: f64,
     /// Gain of the method itself since the start, negative for a loss.
     pub method_gain: f64,
 }

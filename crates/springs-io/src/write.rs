@@ -3,7 +3,7 @@
 use crate::atomic::{Draft, WriteError};
 use crate::scene_file::VERSION;
 use nalgebra::Vector3;
-use springs_scene::{Method, Scene, Solution, StepControl};
+use springs_scene::{Load, Method, OverTime, Scene, Solution, StepControl};
 use std::fmt::Write as _;
 use std::io::{self, Write};
 use std::path::Path;
@@ -51,6 +51,12 @@ fn write_text(scene: &Scene, text: &mut dyn Write) -> io::Result<()> {
         fields
     });
     write_list(text, "springs", springs)?;
+    if !scene.loads.is_empty() {
+        write_list(text, "loads", scene.loads.iter().map(load))?;
+    }
+    if scene.drag.to_bits() != 0 {
+        writeln!(text, "    drag: {},", number(scene.drag))?;
+    }
     let settings = &scene.settings;
     let mut fields = String::new();
     if settings.method != Method::Auto {
@@ -88,6 +94,32 @@ pub fn write_scene(path: &Path, scene: &Scene) -> Result<(), WriteError> {
     let mut draft = Draft::begin(path)?;
     draft.write_by(|text| write_text(scene, text))?;
     draft.finish()
+}
+
+fn load(load: &Load) -> String {
+    let nodes: Vec<String> = load.nodes.iter().map(usize::to_string).collect();
+    let over_time = match &load.over_time {
+        OverTime::Constant => String::new(),
+        OverTime::Ramp { from, to } => {
+            format!(
+                ", over_time: Ramp(from: {}, to: {})",
+                number(*from),
+                number(*to)
+            )
+        }
+        OverTime::Sine { frequency, phase } => {
+            let (frequency, phase) = (number(*frequency), number(*phase));
+            format!(", over_time: Sine(frequency: {frequency}, phase: {phase})")
+        }
+        OverTime::Table(points) => {
+            let point =
+                |[time, factor]: &[f64; 2]| format!("({}, {})", number(*time), number(*factor));
+            let points: Vec<String> = points.iter().map(point).collect();
+            format!(", over_time: Table([{}])", points.join(", "))
+        }
+    };
+    let (nodes, force) = (nodes.join(", "), tuple(&load.force));
+    format!("nodes: [{nodes}], force: {force}{over_time}")
 }
 
 fn write_list(

@@ -97,8 +97,28 @@ impl Scene {
             gravity: self.gravity,
             nodes: island.nodes.iter().map(|&node| self.nodes[node]).collect(),
             springs: springs.collect(),
+            loads: self.loads_on(&island.nodes),
+            drag: self.drag,
             settings: self.settings,
         }
+    }
+}
+
+impl Scene {
+    /// The loads on some of the nodes, ascending, by their places among these.
+    fn loads_on(&self, nodes: &[usize]) -> Vec<crate::Load> {
+        let here = |load: &crate::Load| {
+            let places = load
+                .nodes
+                .iter()
+                .filter_map(|node| nodes.binary_search(node).ok());
+            let nodes: Vec<usize> = places.collect();
+            (!nodes.is_empty()).then(|| crate::Load {
+                nodes,
+                ..load.clone()
+            })
+        };
+        self.loads.iter().filter_map(here).collect()
     }
 }
 

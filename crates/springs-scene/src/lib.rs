@@ -24,12 +24,14 @@
 
 pub mod generate;
 mod islands;
+mod load;
 mod problems;
 mod scene;
 mod settings;
 mod text;
 
 pub use islands::{Island, Partition};
+pub use load::{Load, OverTime};
 pub use nalgebra::Vector3;
 pub use problems::{Path, Problem};
 pub use scene::{Node, Scene, Spring};

@@ -1,6 +1,6 @@
 //! What can be wrong with a scene, all of it at once.
 
-use crate::{Node, Scene, StepControl};
+use crate::{Load, Node, OverTime, Scene, StepControl};
 use std::fmt;
 
 /// A place in a scene: `nodes[2].mass`, `gravity`, `simulation.step`.
@@ -14,6 +14,8 @@ pub enum Path {
     Node(usize, Option<&'static str>),
     /// A field of a spring, or the whole spring.
     Spring(usize, Option<&'static str>),
+    /// A field of a load, or the whole load.
+    Load(usize, Option<&'static str>),
 }
 
 impl fmt::Display for Path {
@@ -23,6 +25,7 @@ impl fmt::Display for Path {
             Self::Simulation(field) => return write!(f, "simulation.{field}"),
             Self::Node(index, field) => ("nodes", index, field),
             Self::Spring(index, field) => ("springs", index, field),
+            Self::Load(index, field) => ("loads", index, field),
         };
         write!(f, "{list}[{index}]")?;
         field.map_or(Ok(()), |field| write!(f, ".{field}"))
@@ -74,6 +77,32 @@ pub enum Problem {
         node: usize,
         /// How many nodes there are.
         nodes: usize,
+    },
+    /// A load acts on a node that is not there.
+    #[error("load {load} acts on node {node}, but {}", available(*nodes))]
+    NoSuchLoaded {
+        /// The load.
+        load: usize,
+        /// The node it asks for.
+        node: usize,
+        /// How many nodes there are.
+        nodes: usize,
+    },
+    /// A ramp ends before it begins, or the times of a table are not in order.
+    #[error("the times of load {load} are not in order: {before:?} s stands before {after:?} s")]
+    NotInOrder {
+        /// The load.
+        load: usize,
+        /// The first of two times, in s.
+        before: f64,
+        /// The second, in s.
+        after: f64,
+    },
+    /// A table has no points.
+    #[error("the table of load {load} has no points")]
+    EmptyTable {
+        /// The load.
+        load: usize,
     },
     /// Both ends of a spring are the same node.
     #[error("spring {spring} joins node {node} to itself")]
@@ -146,6 +175,10 @@ impl Problem {
             Self::NoSuchNode { spring, .. } | Self::Loop { spring, .. } => {
                 Path::Spring(spring, Some("nodes"))
             }
+            Self::NoSuchLoaded { load, .. } => Path::Load(load, Some("nodes")),
+            Self::NotInOrder { load, .. } | Self::EmptyTable { load } => {
+                Path::Load(load, Some("over_time"))
+            }
             Self::MovesTooFar { node, .. } => Path::Node(node, Some("velocity")),
             Self::Unheld { node } => Path::Node(node, None),
             Self::TooFar { node } => Path::Node(node, Some("position")),
@@ -160,7 +193,9 @@ impl Problem {
     /// What to do about it, where that is not plain from the message.
     pub fn advice(&self) -> Option<&'static str> {
         match self {
-            Self::NoSuchNode { .. } => Some("nodes are counted from 0"),
+            Self::NoSuchNode { .. } | Self::NoSuchLoaded { .. } => Some("nodes are counted from 0"),
+            Self::NotInOrder { .. } => Some("each time must be later than the one before"),
+            Self::EmptyTable { .. } => Some("give it a point (time, factor), or leave it out"),
             Self::Loop { .. } => Some("join it to another node, or remove it"),
             Self::Unheld { .. } => Some(
                 "give it a mass, give mass or stiffness to a spring at it, or write fixed: true",
@@ -177,6 +212,7 @@ fn subject(path: &Path) -> String {
         Path::Simulation(field) => format!("the simulation's {field} "),
         Path::Node(index, field) => of("node", index, field),
         Path::Spring(index, field) => of("spring", index, field),
+        Path::Load(index, field) => of("load", index, field),
     }
 }
 
@@ -236,6 +272,10 @@ impl Scene {
             if !node.fixed && node.mass == 0.0 && !held[index] {
                 problems.0.push(Problem::Unheld { node: index });
             }
+        }
+        problems.not_negative(Path::Scene("drag"), self.drag);
+        for (index, load) in self.loads.iter().enumerate() {
+            problems.load(index, load, self.nodes.len());
         }
         match self.settings.step {
             StepControl::Auto => {}
@@ -306,6 +346,39 @@ impl Problems {
         if u32::try_from(count).is_err() {
             self.0.push(Problem::TooMany { what, count });
         }
+    }
+
+    fn load(&mut self, index: usize, load: &Load, n_nodes: usize) {
+        let missing = load.nodes.iter().find(|&&node| node >= n_nodes);
+        self.0.extend(missing.map(|&node| Problem::NoSuchLoaded {
+            load: index,
+            node,
+            nodes: n_nodes,
+        }));
+        self.all_finite(Path::Load(index, Some("force")), load.force.as_slice());
+        let path = Path::Load(index, Some("over_time"));
+        let times: Vec<f64> = match &load.over_time {
+            OverTime::Constant => return,
+            OverTime::Sine { frequency, phase } => {
+                return self.all_finite(path, &[*frequency, *phase]);
+            }
+            OverTime::Ramp { from, to } => vec![*from, *to],
+            OverTime::Table(points) => {
+                if points.is_empty() {
+                    return self.0.push(Problem::EmptyTable { load: index });
+                }
+                self.all_finite(path, points.as_flattened());
+                points.iter().map(|[time, _]| *time).collect()
+            }
+        };
+        self.all_finite(path, &times);
+        let falls = |pair: &&[f64]| pair[0] >= pair[1];
+        let found = times.windows(2).find(falls);
+        self.0.extend(found.map(|pair| Problem::NotInOrder {
+            load: index,
+            before: pair[0],
+            after: pair[1],
+        }));
     }
 
     /// Whether it is.

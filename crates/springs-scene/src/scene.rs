@@ -1,6 +1,6 @@
 //! Nodes, springs and the scene that holds them.
 
-use crate::Settings;
+use crate::{Load, Settings};
 use nalgebra::Vector3;
 
 /// A point mass: three coordinates, the note's degrees of freedom.
@@ -74,6 +74,10 @@ pub struct Scene {
     pub nodes: Vec<Node>,
     /// Springs.
     pub springs: Vec<Spring>,
+    /// Forces from outside.
+    pub loads: Vec<Load>,
+    /// Drag b of every free node, in N·s/m: the force −b v.
+    pub drag: f64,
     /// How to simulate it.
     pub settings: Settings,
 }

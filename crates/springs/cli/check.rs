@@ -66,6 +66,18 @@ pub(crate) fn check(arguments: &CheckArguments) -> anyhow::Result<Ending> {
     )?;
     let [x, y, z] = scene.gravity.into();
     writeln!(text, "  gravity ({x}, {y}, {z}) m/s²")?;
+    if !scene.loads.is_empty() {
+        let loaded: usize = scene.loads.iter().map(|load| load.nodes.len()).sum();
+        let loads = count(scene.loads.len(), "load");
+        writeln!(text, "  {loads} on {}", count(loaded, "node"))?;
+    }
+    if scene.drag > 0.0 {
+        writeln!(
+            text,
+            "  drag {} N·s/m on every free node",
+            short(scene.drag)
+        )?;
+    }
     if let Some(weight) = OwnWeight::of(scene) {
         writeln!(
             text,

@@ -524,6 +524,9 @@ impl Run {
     fn last(&self) -> Scene {
         let mut scene = self.scene.clone();
         self.islands.nodes().write_to(&mut scene);
+        for load in &mut scene.loads {
+            load.over_time = load.over_time.after(self.islands.time());
+        }
         scene
     }
 }

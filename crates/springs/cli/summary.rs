@@ -77,7 +77,18 @@ pub(crate) fn summary(scene: &Scene, report: &Report, folder: &Path, written: &[
     ));
     let mut flows = Vec::new();
     if energy.dashpot_heat != 0.0 {
-        flows.push(format!("dashpots took {}", joule(energy.dashpot_heat)));
+        let takers = match (
+            scene.drag > 0.0,
+            scene.springs.iter().any(|s| s.damping > 0.0),
+        ) {
+            (true, true) => "dashpots and drag",
+            (true, false) => "drag",
+            (false, _) => "dashpots",
+        };
+        flows.push(format!("{takers} took {}", joule(energy.dashpot_heat)));
+    }
+    if energy.load_work != 0.0 {
+        flows.push(format!("loads gave {}", joule(energy.load_work)));
     }
     if energy.anchor_work != 0.0 {
         flows.push(format!("anchors gave {}", joule(energy.anchor_work)));

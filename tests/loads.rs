@@ -1,0 +1,165 @@
+//! Loads and drag of scenes against closed forms.
+
+mod common;
+
+use common::{distance, solved};
+use nalgebra::Vector3;
+use springs::scene::{Load, Method, Node, OverTime, Scene, StepControl};
+use springs::step::{Islands, Outcome, Simulation};
+use std::f64::consts::TAU;
+
+/// A mass on a spring along x, with a dashpot, driven by F sin(2πft).
+fn driven(damping: f64, frequency: f64) -> Scene {
+    let mut scene = Scene::default();
+    let anchor = scene.add_node(Node::fixed(Vector3::zeros()));
+    let mass = scene.add_node(Node {
+        mass: 2.0,
+        ..Node::at(Vector3::x())
+    });
+    let spring = scene.add_spring(anchor, mass, 50.0);
+    scene.springs[spring].damping = damping;
+    scene.loads.push(Load {
+        nodes: vec![mass],
+        force: Vector3::new(0.3, 0.0, 0.0),
+        over_time: OverTime::Sine {
+            frequency,
+            phase: 0.0,
+        },
+    });
+    scene
+}
+
+/// When the start has died away, the amplitude is F/√((K − mω²)² + (cω)²), at the
+/// tolerance asked for.
+#[test]
+fn a_driven_damped_oscillator_swings_as_far_as_it_should() {
+    let (k, m, c, f): (f64, f64, f64, f64) = (50.0, 2.0, 4.0, 0.3);
+    for frequency in [0.3, 0.8, 1.5] {
+        let omega = TAU * frequency;
+        let (stiff, damped) = (k - m * omega * omega, c * omega);
+        let amplitude = f / stiff.hypot(damped);
+        let lag = damped.atan2(stiff);
+        let mut scene = driven(c, frequency);
+        scene.settings.duration = 30.0;
+        let exact = 1.0 + amplitude * (omega * scene.settings.duration - lag).sin();
+        for (method, tolerances) in [
+            (Method::Dop853, &[1e-2, 1e-4, 1e-6, 1e-8][..]),
+            (Method::TrBdf2, &[1e-2, 1e-3, 1e-4]),
+            (Method::VelocityVerlet, &[1e-2, 1e-4]),
+            (Method::Auto, &[1e-2, 1e-4, 1e-6]),
+        ] {
+            for &tolerance in tolerances {
+                scene.settings.method = method;
+                scene.settings.step = StepControl::Tolerance(tolerance);
+                let mut simulation = Simulation::new(&scene).unwrap();
+                assert_eq!(simulation.run(1, &mut ()), Ok(Outcome::Finished));
+                let off = (simulation.nodes().positions[1].x - exact).abs();
+                assert!(
+                    off < 1.5 * tolerance,
+                    "{method}, {frequency} Hz, {tolerance:e}: {off:e}"
+                );
+            }
+        }
+    }
+}
+
+/// A mass that falls with drag: v = −(mg/b)(1 − e^{−bt/m}), and the heat is what is
+/// missing of its energy.
+#[test]
+fn drag_ends_in_a_terminal_velocity() {
+    let (m, b, g, t): (f64, f64, f64, f64) = (0.5, 0.7, 9.81, 2.0);
+    let mut scene = Scene::default();
+    scene.add_node(Node {
+        mass: m,
+        ..Node::at(Vector3::zeros())
+    });
+    scene.gravity = Vector3::new(0.0, 0.0, -g);
+    scene.drag = b;
+    scene.settings.duration = t;
+    let fade = (-b * t / m).exp();
+    let v = -m * g / b * (1.0 - fade);
+    let x = -m * g / b * (t - m / b * (1.0 - fade));
+    for &method in Method::ALL {
+        scene.settings.method = method;
+        scene.settings.step = StepControl::Tolerance(1e-4);
+        let Ok(mut simulation) = Simulation::new(&scene) else {
+            let refuse = [Method::BlanesMoan4, Method::BlanesMoan6, Method::Rodas4];
+            assert!(refuse.contains(&method), "{method}");
+            continue;
+        };
+        simulation.run(1, &mut ()).unwrap();
+        let nodes = simulation.nodes();
+        let off = (nodes.positions[0].z - x).abs();
+        assert!(off < 3e-4, "{method}: {off:e}");
+        assert!((nodes.velocities[0].z - v).abs() < 1e-3, "{method}");
+        let lost = -m * g * x - 0.5 * m * v * v;
+        let heat = simulation.ledger().heat.sum();
+        assert!(
+            (heat - lost).abs() < 2e-3 * lost,
+            "{method}: {heat} J of {lost} J"
+        );
+    }
+}
+
+/// Work of loads closes the ledger for every kind, and what is left out changes
+/// nothing: parts, planes and lines.
+#[test]
+fn the_ledger_closes_and_skipping_changes_nothing() {
+    let histories = [
+        OverTime::Constant,
+        OverTime::Ramp { from: 0.2, to: 0.9 },
+        OverTime::Table(vec![[0.1, 0.0], [0.5, 1.5], [0.8, -0.5]]),
+    ];
+    for over_time in histories {
+        let mut scene = driven(0.5, 1.0);
+        scene.loads[0].over_time = over_time.clone();
+        // A second part, which only its own load moves.
+        let anchor = scene.add_node(Node::fixed(Vector3::new(5.0, 0.0, 0.0)));
+        let mass = scene.add_node(Node {
+            mass: 1.0,
+            ..Node::at(Vector3::new(6.0, 0.0, 0.0))
+        });
+        scene.add_spring(anchor, mass, 80.0);
+        scene.loads.push(Load {
+            nodes: vec![mass, anchor],
+            force: Vector3::new(0.0, 1.0, 0.0),
+            over_time,
+        });
+        scene.settings.step = StepControl::Tolerance(1e-5);
+        let whole = {
+            let mut scene = scene.clone();
+            scene.settings.skip = false;
+            solved(&scene, Method::TrBdf2, 1e-6)
+        };
+        let mut islands = Islands::new(&scene).unwrap();
+        assert_eq!(islands.parts().len(), 2);
+        islands.run(7, &mut ()).unwrap();
+        let off = distance(&islands.nodes().positions, &whole);
+        assert!(off < 3e-5, "{off:e}");
+        assert!(islands.nodes().positions[3].y.abs() > 1e-3);
+        let (ledger, now) = (islands.ledger(), islands.energy());
+        assert!(ledger.load_work > 1e-4, "{ledger:?}");
+        let gain = ledger.method_gain(&now).abs();
+        assert!(gain < 1e-2 * ledger.load_work, "{gain:e} J, {ledger:?}");
+    }
+}
+
+/// What a run leaves goes on with its loads where they are.
+#[test]
+fn a_scene_goes_on_with_its_loads() {
+    let mut scene = driven(0.5, 1.3);
+    scene.settings.method = Method::Dop853;
+    scene.settings.step = StepControl::Tolerance(1e-10);
+    scene.settings.duration = 1.1;
+    let mut through = scene.clone();
+    through.settings.duration = 2.2;
+    let through = solved(&through, Method::Dop853, 1e-10);
+    let mut first = Islands::new(&scene).unwrap();
+    first.run(1, &mut ()).unwrap();
+    first.nodes().write_to(&mut scene);
+    for load in &mut scene.loads {
+        load.over_time = load.over_time.after(1.1);
+    }
+    let second = solved(&scene, Method::Dop853, 1e-10);
+    assert!(distance(&second, &through) < 1e-8);
+}
