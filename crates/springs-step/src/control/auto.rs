@@ -1,14 +1,14 @@
 //! The method of `Auto` with a tolerance: tried out on the scene itself.
 
 use crate::control::controller::{Controller, Schedule};
+use crate::control::costs::Costs;
 use crate::control::trials::{Abandoned, EqualSteps, Trials, Unsettled, equal_steps};
-use crate::implicit::linear;
 use crate::method::table::{Cost, Properties, methods};
 use crate::work::Counts;
 use crate::{Anchors, Choice, HiddenState, Interval, Method, SetupError, State, StepPlan, Work};
 use springs_assembly::System;
 use springs_scene::{self as scene, Scene};
-use springs_solver::{Interrupt, Price};
+use springs_solver::Interrupt;
 
 /// Chooses among the methods by what they would cost from here on.
 ///
@@ -79,8 +79,6 @@ const SHARE: f64 = 0.1;
 /// Attempts that a trial takes at most, and usually.
 const MOST_ATTEMPTS: usize = 4;
 const USUAL_ATTEMPTS: f64 = 2.0;
-/// Factorizations of an attempt with an implicit method, usually.
-const USUAL_FACTORIZATIONS: f64 = 10.0;
 /// Trial runs with equal steps may cost this part of the whole run; they have at
 /// least so many steps, and if they are begun may have so many.
 const TRIAL_RUNS: f64 = 0.5;
@@ -574,71 +572,4 @@ struct Trial {
     /// Cost of a step over its size, in ns/s.
     price: f64,
     step_size: f64,
-}
-
-/// Cost of each operation in ns, roughly; only their ratios matter.
-struct Costs {
-    force: f64,
-    linearization: f64,
-    analysis: f64,
-    /// As little as it can be, until it is known.
-    system: Price,
-    without_fill: Price,
-    is_system_known: bool,
-}
-
-/// Iterations of a solution, where it takes any.
-const USUAL_ITERATIONS: f64 = 20.0;
-
-impl Costs {
-    fn of(system: &System) -> Self {
-        let springs = system.n_terms() as f64;
-        let nodes = system.n_free() as f64;
-        let pairs = system.pattern().pairs().len() as f64;
-        let entries = 6.0 * nodes + 9.0 * pairs;
-        Self {
-            force: 40.0 + 4.2 * springs + 2.0 * nodes,
-            linearization: 100.0 + 15.0 * springs + 10.0 * nodes,
-            analysis: 5e3 + 500.0 * nodes + 150.0 * pairs,
-            system: Price::with_factor(entries, 0.0),
-            without_fill: Price::with_factor(entries, 0.0),
-            is_system_known: false,
-        }
-    }
-
-    fn forget_system(&mut self) {
-        self.system = self.without_fill;
-        self.is_system_known = false;
-    }
-
-    fn learn_system(&mut self, system: &System) -> Result<(), SetupError> {
-        if !self.is_system_known {
-            self.system = linear::price(system)?;
-            self.is_system_known = true;
-        }
-        Ok(())
-    }
-
-    fn step_with_matrix(&self) -> f64 {
-        let Price {
-            matrix,
-            solution,
-            iteration,
-        } = self.system;
-        self.linearization + matrix + solution + USUAL_ITERATIONS * iteration
-    }
-
-    fn attempt_with_matrix(&self) -> f64 {
-        USUAL_FACTORIZATIONS * self.step_with_matrix()
-    }
-
-    /// What was counted, with `evaluation` for each evaluation of forces alone.
-    fn of_counts(&self, counts: &Counts, evaluation: f64) -> f64 {
-        let linearizations = counts.linearizations;
-        let forces = counts.force_evaluations.saturating_sub(linearizations);
-        forces as f64 * evaluation
-            + linearizations as f64 * (self.linearization + self.system.matrix)
-            + counts.solves as f64 * self.system.solution
-            + counts.solver_iterations as f64 * self.system.iteration
-    }
 }

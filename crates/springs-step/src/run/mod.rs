@@ -5,6 +5,7 @@ pub(crate) mod frames;
 pub(crate) mod islands;
 pub(crate) mod observer;
 pub(crate) mod parallel;
+pub(crate) mod part;
 pub(crate) mod simulation;
 pub(crate) mod sleep;
 pub(crate) mod stepper;

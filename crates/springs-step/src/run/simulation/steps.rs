@@ -1,0 +1,206 @@
+//! Steps that stand, and what is taken back of those that do not.
+
+use super::Simulation;
+use crate::control::controller::{Controller, Schedule, Verdict};
+use crate::{Cause, Counts, Flows, HiddenState, Interval, Ledger, StepError, StepPlan, Work};
+
+/// What is to be taken back if a step is interrupted, beside the state.
+struct Bookmark {
+    /// What the method carries along.
+    words: Vec<u64>,
+    controller: Option<Controller>,
+    work: Work,
+    ledgers: [Ledger; 2],
+    last_flows: Flows,
+    most_energy: f64,
+}
+
+/// Steps shorter than this part of the duration lead nowhere.
+const SMALLEST_STEP: f64 = 1e-14;
+
+impl Simulation {
+    /// Makes one step that stands. One that is interrupted leaves no trace.
+    pub(super) fn advance(&mut self) -> Result<Interval, StepError> {
+        if self.interrupt.is_requested() {
+            return Err(self.interrupted());
+        }
+        self.review_method()?;
+        let bookmark = self.bookmark();
+        let made = match self.schedule {
+            Schedule::Fixed(plan) => self.planned_step(plan),
+            Schedule::Adaptive(_) => self.adaptive_step(),
+            Schedule::Open(_) => unreachable!("trial runs come first"),
+        };
+        if let Some(bookmark) = bookmark {
+            let is_interrupted = made.is_err_and(|error| error.cause == Cause::Interrupted);
+            self.words = if is_interrupted {
+                self.take_back(bookmark)
+            } else {
+                bookmark.words
+            };
+        }
+        let interval = made?;
+        self.last = Some(interval);
+        self.is_told = false;
+        Ok(interval)
+    }
+
+    /// The error of a step that is not begun.
+    pub(super) fn interrupted(&self) -> StepError {
+        let time = self.stepper.time();
+        let interval = Interval {
+            start: time,
+            end: time,
+            size: 0.0,
+        };
+        self.stepper.error(Cause::Interrupted, 0, interval)
+    }
+
+    /// What an interrupted step has to take back; `None` if none will be
+    /// interrupted, as with explicit methods, whose steps are short.
+    fn bookmark(&mut self) -> Option<Bookmark> {
+        if !self.interrupt.can_be_requested() || self.choice.is_explicit() {
+            return None;
+        }
+        let mut state = HiddenState::saving_into(std::mem::take(&mut self.words));
+        self.stepper.visit_method(&mut state);
+        Some(Bookmark {
+            words: state.into_words(),
+            controller: match self.schedule {
+                Schedule::Adaptive(controller) => Some(controller),
+                Schedule::Fixed(_) | Schedule::Open(_) => None,
+            },
+            work: self.work,
+            ledgers: [self.ledger, self.ledger_before],
+            last_flows: self.last_flows,
+            most_energy: self.most_energy,
+        })
+    }
+
+    /// Everything but the state, which a failed step leaves as it was, becomes what
+    /// it was at the bookmark.
+    fn take_back(&mut self, bookmark: Bookmark) -> Vec<u64> {
+        let mut state = HiddenState::loading(bookmark.words);
+        self.stepper.visit_method(&mut state);
+        if let Some(controller) = bookmark.controller {
+            self.schedule = Schedule::Adaptive(controller);
+        }
+        self.work = bookmark.work;
+        [self.ledger, self.ledger_before] = bookmark.ledgers;
+        self.last_flows = bookmark.last_flows;
+        self.most_energy = bookmark.most_energy;
+        state.into_words()
+    }
+
+    /// Makes the next step of a plan.
+    fn planned_step(&mut self, plan: StepPlan) -> Result<Interval, StepError> {
+        let step = self.stepper.steps() + 1;
+        let interval = Interval {
+            start: self.stepper.time(),
+            end: plan.end_of(step),
+            size: plan.size_of(step),
+        };
+        match self.take(interval) {
+            Ok(()) => Ok(interval),
+            Err(error) => self.substep(interval, error),
+        }
+    }
+
+    /// Makes a step that stands, or none.
+    pub(super) fn take(&mut self, interval: Interval) -> Result<(), StepError> {
+        let counts = self.work.counts;
+        self.stepper.attempt(interval, &mut self.work)?;
+        self.enter(interval, counts)
+    }
+
+    /// The attempted step stands and is booked, unless there is more energy than
+    /// can be; `counts` are those before it.
+    fn enter(&mut self, interval: Interval, counts: Counts) -> Result<(), StepError> {
+        let flows = self.stepper.flows(interval);
+        let (before, after) = (self.stepper.before(), self.stepper.state());
+        let system = self.stepper.system();
+        let mut ledger = self.ledger;
+        ledger.record(flows + Flows::between_fixed(system, &before.x, after, interval.size));
+        if let Some(cause) = self.watch_energy(
+            interval,
+            counts,
+            ledger.anchor_work.abs() + ledger.load_work.abs(),
+        ) {
+            let fastest = self.stepper.fastest_block();
+            self.stepper.reject();
+            return Err(self.stepper.error(cause, fastest, interval));
+        }
+        self.stepper.accept(interval, &mut self.work);
+        self.ledger_before = std::mem::replace(&mut self.ledger, ledger);
+        self.last_flows = flows;
+        self.flows_between = None;
+        Ok(())
+    }
+
+    /// Attempts steps until one is accurate enough.
+    fn adaptive_step(&mut self) -> Result<Interval, StepError> {
+        let Schedule::Adaptive(controller) = &mut self.schedule else {
+            unreachable!("only called with a controller");
+        };
+        let counts = self.work.counts;
+        let start = self.stepper.time();
+        let interval = loop {
+            let interval = next_interval(start, self.duration, controller.step_size());
+            let attempt = self.stepper.attempt(interval, &mut self.work);
+            let too_small = interval.size < SMALLEST_STEP * self.duration
+                || interval.start + 0.1 * interval.size == interval.start;
+            match attempt {
+                Err(error) if error.cause == Cause::Interrupted => return Err(error),
+                Err(error) if too_small => return Err(error),
+                Err(_) => controller.fail(interval.size),
+                Ok(None) => {
+                    self.stepper.reject();
+                    return Err(self.stepper.error(Cause::NoEstimate, 0, interval));
+                }
+                Ok(Some(mut estimate)) => {
+                    if !controller.is_clear(estimate)
+                        && let Some(second) = self.stepper.second_estimate(&mut self.work)
+                    {
+                        estimate = second;
+                    }
+                    // An estimate that was interrupted is none.
+                    if self.interrupt.is_requested() && !self.choice.is_explicit() {
+                        self.stepper.reject();
+                        return Err(self.stepper.error(Cause::Interrupted, 0, interval));
+                    }
+                    match controller.judge(interval.size, estimate) {
+                        Verdict::Accept if !too_small => break interval,
+                        _ if too_small => {
+                            self.stepper.reject();
+                            let cause = Cause::StepTooSmall;
+                            return Err(self.stepper.error(cause, estimate.block, interval));
+                        }
+                        _ => self.stepper.reject(),
+                    }
+                }
+            }
+            self.work.counts.rejected_steps += 1;
+        };
+        self.enter(interval, counts)?;
+        if let Some(auto) = &mut self.auto {
+            auto.record(interval.size, self.work.counts - counts);
+        }
+        Ok(interval)
+    }
+}
+
+/// The next step of about `h`: to the end if that is near, and in two equal
+/// steps if it is not much further.
+fn next_interval(start: f64, duration: f64, h: f64) -> Interval {
+    let left = duration - start;
+    let size = match left / h {
+        steps if steps <= 1.0 + 1e-9 => left,
+        steps if steps < 2.0 => 0.5 * left,
+        _ => h,
+    };
+    Interval {
+        start,
+        end: if size == left { duration } else { start + size },
+        size,
+    }
+}
