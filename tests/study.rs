@@ -89,7 +89,12 @@ fn errors_fall_with_the_order_of_the_method() {
     assert_eq!(table(&study).lines().count(), 1 + study.trials.len());
     let rows = reference_csv(&study).lines().count();
     assert_eq!(rows, 1 + scene().nodes.len());
-    assert!(recommendations(&study)[0].contains("springs run SCENE.ron --method "));
+    let said = recommendations(&study);
+    assert!(said[0].contains("springs run SCENE.ron --method "));
+    for (advice, said) in study.advice.iter().zip(&said) {
+        assert_eq!(said.contains("with ≤"), advice.at_floor, "{said}");
+    }
+    assert!(study.advice.iter().any(|advice| advice.at_floor));
     let picture = diagram(&study);
     for method in methods {
         assert!(picture.contains(method.kebab_name()), "{method}");

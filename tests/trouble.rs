@@ -8,6 +8,7 @@ use common::desk::{Desk, signal, wait_until};
 use springs::io::{Checkpoint, read_checkpoint, read_scene, write_checkpoint};
 use std::collections::BTreeMap;
 use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
 
 const RESULTS: [&str; 4] = ["final.ron", "trajectory.csv", "energy.csv", "filmstrip.svg"];
 
@@ -81,7 +82,8 @@ fn two_runs_do_not_share_a_folder() {
     for arguments in [
         "run short.ron --out d --force",
         "resume d",
-        "study short.ron --out d --force",
+        "study short.ron --out d --budget 1",
+        "study short.ron --out d --budget 1 --stability --force",
     ] {
         let said = desk.expect(2, arguments);
         assert!(
@@ -94,6 +96,20 @@ fn two_runs_do_not_share_a_folder() {
     // A killed run locks nothing.
     desk.expect(0, "run short.ron --out d --force --quiet");
     assert_eq!(desk.names("d"), ["final.ron", "report.json"]);
+}
+
+#[test]
+fn a_study_knows_beforehand_whether_it_can_write() {
+    let desk = Desk::new();
+    desk.scene("net.ron", "cloth 24 --duration 1");
+    std::fs::write(desk.path("file"), "in the way").unwrap();
+    let begin = Instant::now();
+    let said = desk.expect(1, "study net.ron --out file/d --budget 60");
+    assert!(said.contains("cannot write file/d"), "{said}");
+    assert!(begin.elapsed() < Duration::from_secs(10));
+    // What it had made for its results goes with them.
+    desk.expect(2, "study net.ron --out d --budget 1e-6");
+    assert!(!desk.path("d").exists());
 }
 
 #[test]

@@ -5,13 +5,14 @@ use super::signals::Signals;
 use super::source::{SceneArguments, Source};
 use super::{Advised, Ending, Unwritten, print, say, say_error};
 use indicatif::{ProgressBar, ProgressStyle};
-use springs::io::write_whole;
+use springs::io::{try_to_write, write_whole};
 use springs::scene::{Method, printable};
 use springs::study::{
     Options, Progress, StabilityMap, Study, StudyError, csv, diagram, method_notes,
     recommendations, reference_csv, reference_note, stability, stability_csv, stability_diagram,
     study, table,
 };
+use std::fs::File;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -102,13 +103,8 @@ pub(crate) fn study_command(arguments: &StudyArguments) -> anyhow::Result<Ending
     if !arguments.methods.is_empty() {
         options.methods = arguments.methods.clone();
     }
-    // A run that writes into the folder has it; nobody else is to begin one there.
-    let _lock = if folder.is_dir() {
-        lock(&folder)?
-    } else {
-        None
-    };
     signals.note_the_first();
+    let target = Target::open(folder, files[0])?;
     let interrupted = signals.is_interrupted();
     let bar = match arguments.quiet {
         true => ProgressBar::hidden(),
@@ -129,7 +125,7 @@ pub(crate) fn study_command(arguments: &StudyArguments) -> anyhow::Result<Ending
         options.budget = budget;
         let map = stability(&source.scene, &options, &mut watch);
         bar.finish_and_clear();
-        map.map(|map| write_map(&map, &folder, arguments.quiet))
+        map.map(|map| write_map(&map, &target.folder, arguments.quiet))
     } else {
         options.budget = budget.mul_f64(1.0 - COMMANDS);
         let study = study(&source.scene, &options, &mut watch);
@@ -144,7 +140,7 @@ pub(crate) fn study_command(arguments: &StudyArguments) -> anyhow::Result<Ending
             study
         });
         bar.finish_and_clear();
-        study.map(|study| write_study(&study, &folder, arguments.quiet))
+        study.map(|study| write_study(&study, &target.folder, arguments.quiet))
     };
     ending.unwrap_or_else(|error| unstudied(error, &source))
 }
@@ -245,12 +241,42 @@ fn reported(mut command: Command, folder: &Path) -> Option<f64> {
     Some(seconds["setup"].as_f64()? + seconds["stepping"].as_f64()?)
 }
 
+/// The folder to write into, made and locked before anything takes time.
+struct Target {
+    folder: PathBuf,
+    is_new: bool,
+    _lock: Option<File>,
+}
+
+impl Target {
+    fn open(folder: PathBuf, file: &str) -> anyhow::Result<Self> {
+        let is_new = !folder.exists();
+        make_folder(&folder)?;
+        let target = Self {
+            _lock: lock(&folder)?,
+            is_new,
+            folder,
+        };
+        try_to_write(&target.folder.join(file)).map_err(Unwritten::from)?;
+        Ok(target)
+    }
+}
+
+impl Drop for Target {
+    /// Where nothing was written, nothing is left.
+    fn drop(&mut self) {
+        if self.is_new {
+            // Fails where there are files.
+            let _ = std::fs::remove_dir(&self.folder);
+        }
+    }
+}
+
 fn write(folder: &Path, name: &str, text: &str) -> Result<(), Unwritten> {
     Ok(write_whole(&folder.join(name), text.as_bytes())?)
 }
 
 fn write_map(map: &StabilityMap, folder: &Path, quiet: bool) -> anyhow::Result<Ending> {
-    make_folder(folder)?;
     write(folder, MAP_CSV, &stability_csv(map))?;
     write(folder, MAP_DIAGRAM, &stability_diagram(map))?;
     if !quiet {
@@ -267,7 +293,6 @@ fn write_map(map: &StabilityMap, folder: &Path, quiet: bool) -> anyhow::Result<E
 }
 
 fn write_study(study: &Study, folder: &Path, quiet: bool) -> anyhow::Result<Ending> {
-    make_folder(folder)?;
     write(folder, CSV, &csv(study))?;
     write(folder, JSON, &(serde_json::to_string_pretty(study)? + "\n"))?;
     write(folder, REFERENCE, &reference_csv(study))?;

@@ -17,6 +17,8 @@ pub struct Advice {
     pub setting: Setting,
     /// The error that it has, in m.
     pub error: f64,
+    /// The error is not told apart from that of the reference.
+    pub at_floor: bool,
     /// The time that it takes, in s: compiling the scene and all steps.
     pub seconds: f64,
     /// The command that makes this run, to the same bits.
@@ -109,6 +111,7 @@ pub(super) fn advice(study: &Study, command: &str) -> Vec<Advice> {
             method: trial.method.clone(),
             setting: trial.setting,
             error: trial.error,
+            at_floor: trial.at_floor,
             seconds: trial.seconds,
             command: String::new(),
         };

@@ -112,8 +112,9 @@ pub fn recommendations(study: &Study) -> Vec<String> {
     }
     sentences.extend(study.advice.iter().map(|advice| {
         format!(
-            "below {} m, with {:.1e} m in {}:\n  {}",
+            "below {} m, with {}{:.1e} m in {}:\n  {}",
             short(advice.error_below),
+            if advice.at_floor { "≤ " } else { "" },
             advice.error,
             time(advice.seconds),
             advice.command
