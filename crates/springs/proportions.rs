@@ -62,12 +62,33 @@ const LEAST_STRAIN: f64 = 1e-9;
 
 /// Adds what is out of proportion, as sentences.
 pub(crate) fn list(scene: &Scene, suspicious: &mut Vec<String>) {
+    list_far_away(scene, suspicious);
     list_gravity(scene, suspicious);
     list_weight(scene, suspicious);
     list_odd_one_out(scene, suspicious);
     list_dampers(scene, suspicious);
     if scene.settings.duration == 0.0 {
         suspicious.push("the duration is 0 s, so no step is made".to_owned());
+    }
+}
+
+/// Where coordinates are told apart only to this part of the size of the scene,
+/// their rounding shows in its motion.
+const COARSEST: f64 = 1e-6;
+
+fn list_far_away(scene: &Scene, suspicious: &mut Vec<String>) {
+    let largest = scene.nodes.iter().map(|node| node.position.amax());
+    let largest = largest.fold(0.0, f64::max);
+    let size = scene.size();
+    let spacing = largest * f64::EPSILON;
+    if size > 0.0 && spacing > COARSEST * size {
+        suspicious.push(format!(
+            "coordinates of {} m are told apart to {} m only, and the scene is {} m from corner \
+             to corner; put the origin near it",
+            rounded(largest),
+            rounded(spacing),
+            rounded(size)
+        ));
     }
 }
 
@@ -324,6 +345,21 @@ mod tests {
             ] {
                 assert_eq!(said(&in_units(&scene, units)), "", "{}", scene.name);
             }
+        }
+    }
+
+    #[test]
+    fn a_scene_that_is_lost_in_its_coordinates_is_noticed() {
+        for mut scene in generated() {
+            let mut moved_by = |distance: f64| {
+                scene
+                    .nodes
+                    .iter_mut()
+                    .for_each(|n| n.position.y += distance);
+                said(&scene)
+            };
+            assert_eq!(moved_by(1e6), "");
+            assert!(moved_by(1e11).contains("are told apart to"));
         }
     }
 
