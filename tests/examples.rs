@@ -96,3 +96,18 @@ fn power_line_hangs_as_the_catenary() {
     assert!((sag - of_springs).abs() < 0.01 * sag, "{text}");
     assert!(deviation < 0.01 * sag, "{text}");
 }
+
+#[test]
+fn own_emitter_hangs_as_deep_as_a_beam() {
+    let text = output("own_emitter");
+    let depth_after = |word: &str| -> f64 {
+        let (_, rest) = text.split_once(word).expect("a line of it");
+        numbers(rest)[0]
+    };
+    let exact = depth_after("(3 EI) =");
+    // The difference of second order: a quarter with each halving.
+    let off = ["4 pieces:", "8 pieces:", "16 pieces:"].map(|word| depth_after(word) / exact - 1.0);
+    assert!(off[1] < 0.3 * off[0], "{text}");
+    assert!(off[2] < 0.3 * off[1], "{text}");
+    assert!((0.0..0.005).contains(&off[2]), "{text}");
+}
