@@ -339,3 +339,40 @@ fn parts_come_back_to_the_time_of_one_that_failed() {
     expected.run(1, &mut ()).unwrap();
     assert_eq!(islands.nodes().positions[1], expected.nodes().positions[1]);
 }
+
+/// A column between two anchors buckles while they close in, where RODAS4 has no
+/// step; the mass beside it began its last step at that very time.
+#[test]
+fn parts_whose_step_begins_where_another_one_fails_stay_there() {
+    let mut scene = Scene::default();
+    for (x, velocity) in [(0.0, 0.0), (1.0, 0.0), (2.0, -0.5)] {
+        scene.add_node(Node {
+            fixed: x != 1.0,
+            mass: 1.0,
+            velocity: velocity * Vector3::x(),
+            ..Node::at(x * Vector3::x())
+        });
+    }
+    scene.add_spring(0, 1, 1e4);
+    scene.add_spring(1, 2, 1e4);
+    scene.add_node(Node {
+        mass: 1.0,
+        velocity: Vector3::y(),
+        ..Node::at(5.0 * Vector3::x())
+    });
+    scene.settings.method = Method::Rodas4;
+    scene.settings.step = StepControl::Fixed(0.0625);
+    let mut islands = Islands::new(&scene).unwrap();
+    assert_eq!(islands.parts().len(), 2);
+    let error = islands.run(1, &mut ()).unwrap_err();
+    assert_eq!(error.cause, Cause::NotPositiveDefinite);
+    assert_eq!(islands.time(), error.time);
+    let flown = islands.nodes().positions[3].y;
+    assert!(
+        (flown - error.time).abs() < 1e-14,
+        "{flown} at {}",
+        error.time
+    );
+    let words = islands.save();
+    assert_eq!(Islands::new(&scene).unwrap().restore(words), Ok(()));
+}

@@ -101,6 +101,11 @@ impl Between {
                 interpolate(order, before, after, interval.size, fraction, out);
                 Ok(())
             }
+            // Methods have no step of no length.
+            Self::Substep { .. } if time == interval.start => {
+                out.clone_from(before);
+                Ok(())
+            }
             Self::Substep { method, state } => {
                 state.gather(system, before);
                 method.restart();
