@@ -84,6 +84,18 @@ pub struct Spring {
     pub rest_length: f64,
 }
 
+impl Spring {
+    /// The law in the strain ε = l/l₀ − 1: T = EA ε, K = EA/l₀, with the axial
+    /// stiffness EA in N (Young's modulus times cross section) and l₀ in m, positive.
+    #[inline]
+    pub fn of_axial_stiffness(axial_stiffness: f64, rest_length: f64) -> Self {
+        Self {
+            stiffness: axial_stiffness / rest_length,
+            rest_length,
+        }
+    }
+}
+
 impl LengthLaw for Spring {
     #[inline(always)]
     fn energy(&self, length: f64) -> f64 {
