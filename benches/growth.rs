@@ -9,7 +9,7 @@
 
 use faer::Mat;
 use springs::scene::generate::{Material, block, chain, cloth};
-use springs::scene::{Method, Scene, Solution, StepControl};
+use springs::scene::{LinearTolerance, Method, RunOptions, Scene, StepControl};
 use springs::step::Simulation;
 use std::hint::black_box;
 use std::time::{Duration, Instant};
@@ -49,15 +49,16 @@ fn copy_speed() -> f64 {
     16.0 * from.len() as f64 / seconds
 }
 
-fn measure(scene: &Scene, threads: usize, solution: Solution) -> String {
+fn measure(scene: &Scene, threads: usize, linear_tolerance: LinearTolerance) -> String {
     let mut scene = scene.clone();
     scene.settings.method = Method::LinearlyImplicitEuler;
     scene.settings.step = StepControl::Fixed(H);
-    scene.settings.threads = threads;
-    scene.settings.solution = solution;
+    let options = RunOptions::default()
+        .with_threads(threads)
+        .with_linear_tolerance(linear_tolerance);
     scene.settings.duration = 1e3;
     let begin = Instant::now();
-    let mut simulation = Simulation::new(&scene).expect("a sound scene");
+    let mut simulation = Simulation::with_options(&scene, &options).expect("a sound scene");
     let setup = begin.elapsed().as_secs_f64();
     let begin = Instant::now();
     let mut steps = 0.0;
@@ -102,9 +103,9 @@ fn main() {
     }
     for scene in &scenes {
         for (threads, label, solution) in [
-            (1, "1", Solution::Strict),
-            (1, "1", Solution::Sufficient),
-            (0, "all", Solution::Sufficient),
+            (1, "1", LinearTolerance::Strict),
+            (1, "1", LinearTolerance::Sufficient),
+            (0, "all", LinearTolerance::Sufficient),
         ] {
             let measured = measure(scene, threads, solution);
             println!(

@@ -10,7 +10,7 @@ mod common;
 
 use common::append;
 use springs::scene::generate::{Material, block, chain, cloth};
-use springs::scene::{Method, Scene, StepControl, Vector3};
+use springs::scene::{Method, RunOptions, Scene, StepControl, Vector3};
 use springs::step::{Islands, solver_memory};
 use std::time::Instant;
 
@@ -26,13 +26,12 @@ struct Run {
 }
 
 /// The quickest of three runs.
-fn run(scene: &Scene, skip: bool) -> Run {
-    let mut scene = scene.clone();
-    scene.settings.skip = skip;
-    scene.settings.sleep = scene.settings.sleep.filter(|_| skip);
+fn run(scene: &Scene, options: &RunOptions, skip: bool) -> Run {
+    let mut options = options.with_skip(skip);
+    options.sleep = options.sleep.filter(|_| skip);
     let once = || {
         let begin = Instant::now();
-        let mut islands = Islands::new(&scene).expect("a sound scene");
+        let mut islands = Islands::with_options(scene, &options).expect("a sound scene");
         let setup = begin.elapsed().as_secs_f64();
         islands.run(1, &mut ()).expect("a run");
         let seconds = begin.elapsed().as_secs_f64();
@@ -41,7 +40,7 @@ fn run(scene: &Scene, skip: bool) -> Run {
             parts.map(|part| part.simulation().stepper().system())
         };
         let unknowns = systems().map(|system| system.motion().dimension() * system.n_free());
-        let memory = systems().map(|system| solver_memory(system).expect("a size"));
+        let memory = systems().map(|system| solver_memory(system, &options).expect("a size"));
         Run {
             setup,
             seconds,
@@ -59,7 +58,6 @@ fn with(mut scene: Scene, method: Method, step: StepControl, duration: f64) -> S
     scene.settings.method = method;
     scene.settings.step = step;
     scene.settings.duration = duration;
-    scene.settings.threads = 1;
     scene
 }
 
@@ -114,9 +112,7 @@ fn archipelago() -> Scene {
             spring.stiffness *= 10f64.powf(k as f64 / 250.0 - 2.0);
         }
     });
-    let mut scene = with(scene, Method::Auto, StepControl::Tolerance(1e-3), 0.2);
-    scene.settings.threads = 0;
-    scene
+    with(scene, Method::Auto, StepControl::Tolerance(1e-3), 0.2)
 }
 
 /// Nine of ten blocks lie still.
@@ -130,9 +126,7 @@ fn sleepers() -> Scene {
             }
         }
     });
-    let mut scene = note_step(scene, 60.0);
-    scene.settings.sleep = Some(1e-6);
-    scene
+    note_step(scene, 60.0)
 }
 
 /// As many springs again, between fixed nodes.
@@ -161,15 +155,24 @@ fn main() {
         "| scene | unknowns | left | solver, MB | left | time, s | left | ratio | largest difference, m |"
     );
     println!("| --- | --- | --- | --- | --- | --- | --- | --- | --- |");
-    for (name, scene) in [
-        ("cloth 96 in its plane", planar_cloth()),
-        ("straight chain of 20 000", straight_chain()),
-        ("net of zero rest lengths, 96", net()),
-        ("1 000 islands of 100 nodes", archipelago()),
-        ("nine of ten blocks at rest", sleepers()),
-        ("every spring twice", doubled()),
+    let alone = RunOptions::default().with_threads(1);
+    for (name, scene, options) in [
+        ("cloth 96 in its plane", planar_cloth(), alone),
+        ("straight chain of 20 000", straight_chain(), alone),
+        ("net of zero rest lengths, 96", net(), alone),
+        (
+            "1 000 islands of 100 nodes",
+            archipelago(),
+            RunOptions::default(),
+        ),
+        (
+            "nine of ten blocks at rest",
+            sleepers(),
+            alone.with_sleep(1e-6),
+        ),
+        ("every spring twice", doubled(), alone),
     ] {
-        let (without, with) = (run(&scene, false), run(&scene, true));
+        let [without, with] = [false, true].map(|skip| run(&scene, &options, skip));
         let differences = without.positions.iter().zip(&with.positions);
         let largest = differences.map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
         println!(
@@ -190,7 +193,7 @@ fn main() {
         0.05,
     );
     let [seconds, more] =
-        [plain.clone(), with_fixed_springs(plain)].map(|scene| run(&scene, true).seconds);
+        [plain.clone(), with_fixed_springs(plain)].map(|scene| run(&scene, &alone, true).seconds);
     println!(
         "\n500 steps of a cloth: {seconds:.3} s; with as many springs between fixed nodes: {more:.3} s."
     );
@@ -205,7 +208,7 @@ fn main() {
         let mut scene = note_step(scene, 60.0);
         // Out of every plane.
         scene.gravity = Vector3::new(0.5, 0.7, -9.8);
-        let (without, with) = (run(&scene, false), run(&scene, true));
+        let [without, with] = [false, true].map(|skip| run(&scene, &alone, skip));
         println!(
             "| {} | {:.4} | {:.4} | {:.1} % | {:.3} | {:.3} |",
             scene.name,

@@ -16,7 +16,7 @@ use faer::sparse::linalg::cholesky::{
 use faer::sparse::{SparseColMat, Triplet};
 use faer::{Col, Conj, Par, Side};
 use nalgebra::{Matrix3, Vector3};
-use springs::scene::{Method, Scene, Solution, StepControl};
+use springs::scene::{LinearTolerance, Method, RunOptions, Scene, StepControl};
 use springs::step::{NodeStates, Simulation, Stepper};
 
 const H: f64 = 1.0 / 60.0;
@@ -126,9 +126,8 @@ fn solve(matrix: &SparseColMat<usize, f64>, rhs: &mut Col<f64>, factorization: F
 /// Both readings make the same step, or the comparison would be worth nothing.
 fn check_plain_step(scene: &Scene, factorization: Factorization) {
     let (mut ours, mut plain) = (NodeStates::of(scene), NodeStates::of(scene));
-    let mut strict = scene.clone();
-    strict.settings.solution = Solution::Strict;
-    let mut stepper = Stepper::new(&strict).expect("a sound scene");
+    let strict = RunOptions::default().with_linear_tolerance(LinearTolerance::Strict);
+    let mut stepper = Stepper::with_options(scene, &strict).expect("a sound scene");
     stepper.step(&mut ours, H).expect("a step");
     plain_step(scene, &mut plain, factorization);
     let pairs = ours.velocities.iter().zip(&plain.velocities);
@@ -143,15 +142,15 @@ fn step(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("step");
     for scene in common::scenes() {
         let id = |what| BenchmarkId::new(what, &scene.name);
-        for (solution, what) in [
-            (Solution::Strict, "linearly implicit Euler, strict"),
-            (Solution::Sufficient, "linearly implicit Euler"),
+        for (linear_tolerance, what) in [
+            (LinearTolerance::Strict, "linearly implicit Euler, strict"),
+            (LinearTolerance::Sufficient, "linearly implicit Euler"),
         ] {
-            let mut scene = scene.clone();
-            scene.settings.threads = 1;
-            scene.settings.solution = solution;
+            let options = RunOptions::default()
+                .with_threads(1)
+                .with_linear_tolerance(linear_tolerance);
             let mut nodes = NodeStates::of(&scene);
-            let mut stepper = Stepper::new(&scene).expect("a sound scene");
+            let mut stepper = Stepper::with_options(&scene, &options).expect("a sound scene");
             group.bench_function(id(what), |bencher| {
                 bencher.iter(|| stepper.step(&mut nodes, H).expect("a step"));
             });

@@ -11,7 +11,7 @@
 //! F L³/(3 EI) deep (Euler and Bernoulli, for small deflections).
 
 use springs::assembly::{Emitter, Term, Terms};
-use springs::scene::{Load, Node, OverTime, Scene, StepControl, Vector3};
+use springs::scene::{Load, Node, OverTime, RunOptions, Scene, StepControl, Vector3};
 use springs::step::Simulation;
 
 type Matrix3 = nalgebra::Matrix3<f64>;
@@ -82,7 +82,8 @@ fn depth(n: usize, (length, bending_stiffness, force): (f64, f64, f64)) -> f64 {
         ([k, k + 1, k + 2], Bending { stiffness })
     });
     let emitters: Vec<Box<dyn Emitter>> = vec![Box::new(Terms::new("bending", rows))];
-    let mut simulation = Simulation::with_emitters(&scene, emitters).expect("a sound scene");
+    let mut simulation =
+        Simulation::with_emitters(&scene, &RunOptions::default(), emitters).expect("a sound scene");
     simulation.run(1, &mut ()).expect("a run");
     -simulation.nodes().positions[n + 1].z
 }

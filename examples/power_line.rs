@@ -10,7 +10,7 @@
 //! cargo run --example power_line
 //! ```
 
-use springs::scene::{Method, Node, Scene, Settings, StepControl, Tangent, Vector3};
+use springs::scene::{Method, Node, RunOptions, Scene, Settings, StepControl, Tangent, Vector3};
 use springs::step::Simulation;
 
 /// Mass per length of the conductor, in kg/m.
@@ -34,7 +34,6 @@ pub fn power_line(segments: usize) -> Scene {
             tangent: Some(Tangent::Filtered),
             step: StepControl::Fixed(0.01),
             duration: 60.0,
-            ..Settings::default()
         },
         ..Scene::default()
     };
@@ -122,7 +121,10 @@ pub fn deviation(positions: &[Vector3<f64>]) -> f64 {
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let scene = power_line(60);
     if std::env::args().any(|argument| argument == "--scene") {
-        print!("{}", springs::io::scene_to_string(&scene));
+        print!(
+            "{}",
+            springs::io::scene_to_string(&scene, &RunOptions::default())
+        );
         return Ok(());
     }
     let mut simulation = Simulation::new(&scene)?;

@@ -9,7 +9,7 @@ use std::path::Path;
 #[test]
 fn the_lowest_point_is_where_the_energy_says() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/scenes/bungee.ron");
-    let mut scene = read_scene(&path).unwrap();
+    let mut scene = read_scene(&path).unwrap().0;
     for spring in &mut scene.springs {
         spring.damping = 0.0;
         spring.mass = 1e-3;

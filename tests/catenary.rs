@@ -65,5 +65,5 @@ fn the_catenary_agrees_with_the_shallow_formula() {
 #[test]
 fn the_scene_file_is_the_scene_of_the_program() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/scenes/power-line.ron");
-    assert_eq!(read_scene(&path).unwrap(), power_line(60));
+    assert_eq!(read_scene(&path).unwrap().0, power_line(60));
 }

@@ -86,7 +86,7 @@ fn a_run_writes_its_files() {
     assert_eq!(table.lines().count(), 1 + 5 * 36);
     assert!(table.lines().last().unwrap().starts_with("0.5,35,"));
     // The last frame is the final scene, bit for bit.
-    let last = read_scene(&desk.path("net/final.ron")).unwrap();
+    let last = read_scene(&desk.path("net/final.ron")).unwrap().0;
     for (node, line) in last.nodes.iter().zip(table.lines().skip(1 + 4 * 36)) {
         let numbers: Vec<f64> = line
             .split(',')
@@ -127,7 +127,7 @@ fn the_last_frame_is_the_final_state() {
         let x: f64 = last.split(',').nth(2).unwrap().parse().unwrap();
         assert_eq!(
             x,
-            read_scene(&desk.path("chain/final.ron")).unwrap().nodes[4]
+            read_scene(&desk.path("chain/final.ron")).unwrap().0.nodes[4]
                 .position
                 .x
         );
@@ -141,8 +141,8 @@ fn a_run_continues_from_its_final_scene() {
     desk.expect(0, "run whole.ron --quiet");
     desk.expect(0, "run whole.ron --quiet --duration 0.25 --out half");
     desk.expect(0, "run half/final.ron --quiet --out rest");
-    let whole = read_scene(&desk.path("whole/final.ron")).unwrap();
-    let rest = read_scene(&desk.path("rest/final.ron")).unwrap();
+    let whole = read_scene(&desk.path("whole/final.ron")).unwrap().0;
+    let rest = read_scene(&desk.path("rest/final.ron")).unwrap().0;
     assert_eq!(whole.nodes, rest.nodes);
 }
 

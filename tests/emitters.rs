@@ -7,11 +7,11 @@ mod common;
 use common::distance;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use springs::assembly::{
-    Emitter, Evaluation, History, Lines, Loads, Projection, SpringBetween, Springs, System, Term,
-    Terms, Weights, compile_with,
+    Compilation, CompileError, Emitter, Evaluation, History, Lines, Loads, Projection,
+    SpringBetween, Springs, System, Term, Terms, Weights, compile_with,
 };
 use springs::math::spring::LengthLaw;
-use springs::scene::{Method, Node, Scene, StepControl, Tangent};
+use springs::scene::{Method, Node, RunOptions, Scene, StepControl, Tangent};
 use springs::step::{Outcome, Simulation};
 
 /// Hardens with its strain: V = ½K(l − l₀)² + ¼Q(l − l₀)⁴.
@@ -258,7 +258,7 @@ fn emitters(damping: f64) -> Vec<Box<dyn Emitter>> {
 }
 
 fn system(damping: f64) -> System {
-    compile_with(&rope(), emitters(damping)).unwrap()
+    compiled(emitters(damping)).unwrap()
 }
 
 fn flat(vectors: &[Vector3<f64>]) -> DVector<f64> {
@@ -336,7 +336,8 @@ fn end(method: Method, h: f64, damping: f64) -> Option<Vec<Vector3<f64>>> {
     let mut scene = rope();
     scene.settings.method = method;
     scene.settings.step = StepControl::Fixed(h);
-    let mut simulation = Simulation::with_emitters(&scene, emitters(damping)).ok()?;
+    let mut simulation =
+        Simulation::with_emitters(&scene, &RunOptions::default(), emitters(damping)).ok()?;
     assert_eq!(simulation.run(1, &mut ()), Ok(Outcome::Finished));
     Some(simulation.nodes().positions.clone())
 }
@@ -347,7 +348,8 @@ fn every_method_has_its_order() {
         let mut scene = rope();
         scene.settings.method = Method::Dop853;
         scene.settings.step = StepControl::Tolerance(1e-12);
-        let mut reference = Simulation::with_emitters(&scene, emitters(damping)).unwrap();
+        let mut reference =
+            Simulation::with_emitters(&scene, &RunOptions::default(), emitters(damping)).unwrap();
         reference.run(1, &mut ()).unwrap();
         let reference = &reference.nodes().positions;
         for &method in Method::ALL.iter().filter(|method| **method != Method::Auto) {
@@ -383,7 +385,8 @@ fn every_tangent_converges() {
         scene.settings.method = Method::LinearlyImplicitEuler;
         scene.settings.tangent = Some(tangent);
         scene.settings.step = StepControl::Fixed(2e-4);
-        let mut simulation = Simulation::with_emitters(&scene, emitters(0.0)).unwrap();
+        let mut simulation =
+            Simulation::with_emitters(&scene, &RunOptions::default(), emitters(0.0)).unwrap();
         simulation.run(1, &mut ()).unwrap();
         let off = distance(&simulation.nodes().positions, &expected);
         assert!(off < 2e-3, "{tangent}: {off:e}");
@@ -406,7 +409,8 @@ fn tolerances_hold_and_the_ledger_closes() {
         let mut gains = Vec::new();
         for tolerance in [1e-3, 1e-5] {
             scene.settings.step = StepControl::Tolerance(tolerance);
-            let mut simulation = Simulation::with_emitters(&scene, emitters(0.7)).unwrap();
+            let mut simulation =
+                Simulation::with_emitters(&scene, &RunOptions::default(), emitters(0.7)).unwrap();
             simulation.run(1, &mut ()).unwrap();
             let off = distance(&simulation.nodes().positions, &reference);
             assert!(off < 3.0 * tolerance, "{method}: {off:e} of {tolerance:e}");
@@ -445,7 +449,8 @@ fn a_load_moves_a_free_mass_and_does_its_work() {
         scene.settings.method = method;
         scene.settings.step = StepControl::Tolerance(1e-4);
         let loads: Vec<Box<dyn Emitter>> = vec![Box::new(Loads::new("load", [(0, load)]))];
-        let mut simulation = Simulation::with_emitters(&scene, loads).unwrap();
+        let mut simulation =
+            Simulation::with_emitters(&scene, &RunOptions::default(), loads).unwrap();
         simulation.run(1, &mut ()).unwrap();
         let off = (simulation.nodes().positions[0] - x).norm();
         assert!(off < 3e-4, "{method}: {off:e}");
@@ -475,7 +480,8 @@ fn stiff_terms_are_no_trouble_for_implicit_methods() {
         let mut scene = rope();
         scene.settings.method = method;
         scene.settings.step = StepControl::Fixed(1e-2);
-        let mut simulation = Simulation::with_emitters(&scene, stiff()).unwrap();
+        let mut simulation =
+            Simulation::with_emitters(&scene, &RunOptions::default(), stiff()).unwrap();
         assert_eq!(
             simulation.run(1, &mut ()),
             Ok(Outcome::Finished),
@@ -487,12 +493,16 @@ fn stiff_terms_are_no_trouble_for_implicit_methods() {
     }
 }
 
+fn compiled(emitters: Vec<Box<dyn Emitter>>) -> Result<System, CompileError> {
+    compile_with(&rope(), Compilation::with_emitters(emitters))
+}
+
 #[test]
 fn there_may_be_too_many_emitters() {
     let many = || {
         (0..Lines::MOST)
             .map(|_| -> Box<dyn Emitter> { Box::new(Terms::<1, Well>::new("nothing", [])) })
     };
-    assert!(compile_with(&rope(), many().collect()).is_err());
-    assert!(compile_with(&rope(), many().take(Lines::MOST - Lines::OTHERS).collect()).is_ok());
+    assert!(compiled(many().collect()).is_err());
+    assert!(compiled(many().take(Lines::MOST - Lines::OTHERS).collect()).is_ok());
 }

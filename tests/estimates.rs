@@ -9,7 +9,7 @@ use common::moving::{
 };
 use common::{after, distance, reference, solved, with};
 use nalgebra::Vector3;
-use springs::scene::{Method, Node, Scene, StepControl};
+use springs::scene::{Method, Node, RunOptions, Scene, StepControl};
 use springs::step::{Frame, Observer, Outcome, Simulation};
 use std::ops::ControlFlow;
 
@@ -328,11 +328,11 @@ fn rounds_come_to_an_end() {
         scene.springs[spring].rest_length = 1.0;
     }
     scene.settings.method = Method::TrBdf2;
-    scene.settings.sleep = Some(0.01);
+    let options = RunOptions::default().with_sleep(0.01);
     for (step, duration) in [(1e-9, 1000.0), (1e-3, 5e-324)] {
         scene.settings.step = StepControl::Fixed(step);
         scene.settings.duration = duration;
-        let mut islands = Islands::new(&scene).expect("a sound scene");
+        let mut islands = Islands::with_options(&scene, &options).expect("a sound scene");
         assert_eq!(islands.run(1, &mut ()), Ok(Outcome::Finished));
         assert_eq!(islands.time(), duration);
     }

@@ -8,7 +8,8 @@ use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use springs::io::{parse_scene, scene_to_string};
 use springs::scene::{
-    Method, Node, Scene, Settings, Solution, Spring, StepControl, Tangent, Vector3,
+    LinearTolerance, Method, Node, RunOptions, Scene, Settings, Spring, StepControl, Tangent,
+    Vector3,
 };
 use springs::step::{Counts, Islands, Observer, Outcome};
 use std::ops::ControlFlow;
@@ -17,6 +18,14 @@ use std::ops::ControlFlow;
 struct Patience(u32);
 
 impl Observer for Patience {
+    fn trial(&mut self, steps: u64) -> ControlFlow<()> {
+        if steps > 10_000 {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
+        }
+    }
+
     fn step(&mut self, _time: f64, _steps: u64) -> ControlFlow<()> {
         self.0 -= 1;
         match self.0 {
@@ -81,7 +90,7 @@ fn spring(n_nodes: usize) -> impl Strategy<Value = Spring> {
     )
 }
 
-fn settings() -> impl Strategy<Value = Settings> {
+fn settings() -> impl Strategy<Value = (Settings, RunOptions)> {
     let step = prop_oneof![
         4 => (1e-4..0.1f64).prop_map(StepControl::Fixed),
         2 => (1e-3..1.0f64).prop_map(StepControl::Tolerance),
@@ -94,48 +103,46 @@ fn settings() -> impl Strategy<Value = Settings> {
         step,
         any::<bool>(),
         prop::option::weighted(0.1, 1e-6..1.0f64),
-        prop::sample::select(Solution::ALL),
+        prop::sample::select(LinearTolerance::ALL),
     )
-        .prop_map(|(method, tangent, step, skip, sleep, solution)| {
-            // These find their steps by trial runs, which nobody can stop yet.
-            let has_trials = matches!(method, Method::ImplicitMidpoint | Method::FilteredLeapfrog);
-            let step = match step {
-                StepControl::Fixed(_) => step,
-                _ if has_trials => StepControl::Fixed(1e-2),
-                _ => step,
-            };
+        .prop_map(|(method, tangent, step, skip, sleep, linear_tolerance)| {
             let duration = match step {
                 StepControl::Fixed(step) => 6.5 * step,
                 _ => 0.01,
             };
-            Settings {
+            let settings = Settings {
                 method,
                 tangent: tangent.flatten(),
                 step,
                 duration,
-                threads: 1,
-                solution,
-                skip,
-                sleep,
-                rescue: skip,
-            }
+            };
+            let mut options = RunOptions::default()
+                .with_threads(1)
+                .with_linear_tolerance(linear_tolerance)
+                .with_skip(skip)
+                .with_substeps(skip);
+            options.sleep = sleep;
+            (settings, options)
         })
 }
 
-fn scene() -> impl Strategy<Value = Scene> {
+fn scene() -> impl Strategy<Value = (Scene, RunOptions)> {
     let nodes = prop::collection::vec(node(), 1..9);
     let sized = nodes.prop_flat_map(|nodes| {
         let most = if nodes.len() > 1 { 14 } else { 1 };
         let springs = prop::collection::vec(spring(nodes.len().max(2)), 0..most);
         (Just(nodes), springs)
     });
-    (sized, vector(), settings()).prop_map(|((nodes, springs), gravity, settings)| Scene {
-        name: String::new(),
-        gravity,
-        nodes,
-        springs,
-        settings,
-        ..Scene::default()
+    (sized, vector(), settings()).prop_map(|((nodes, springs), gravity, (settings, options))| {
+        let scene = Scene {
+            name: String::new(),
+            gravity,
+            nodes,
+            springs,
+            settings,
+            ..Scene::default()
+        };
+        (scene, options)
     })
 }
 
@@ -156,11 +163,11 @@ proptest! {
 
     /// Ends finite, or in an error that names a node of the scene.
     #[test]
-    fn random_scenes_end_well(scene in scene()) {
+    fn random_scenes_end_well((scene, options) in scene()) {
         if !scene.problems().is_empty() {
             return Ok(());
         }
-        let Ok(mut islands) = Islands::new(&scene) else {
+        let Ok(mut islands) = Islands::with_options(&scene, &options) else {
             return Ok(());
         };
         if let Err(error) = islands.run(3, &mut Patience(40)) {
@@ -182,26 +189,26 @@ proptest! {
 
     /// A scene that is written reads back to the same bits.
     #[test]
-    fn written_scenes_read_back(scene in scene()) {
+    fn written_scenes_read_back((scene, options) in scene()) {
         if !scene.problems().is_empty() {
             return Ok(());
         }
-        let text = scene_to_string(&scene);
-        let mut back = parse_scene("scene.ron", &text).unwrap();
-        // Not in the file: how it is computed, not what.
-        back.settings.threads = scene.settings.threads;
-        back.settings.skip = scene.settings.skip;
+        let text = scene_to_string(&scene, &options);
+        let (back, read) = parse_scene("scene.ron", &text).unwrap();
         prop_assert_eq!(back, scene);
+        // Not in the file.
+        let read = read.with_threads(1).with_skip(options.skip);
+        prop_assert_eq!(read, options);
     }
 
     /// Bytes of a scene file replaced, removed or repeated: a scene or an error
     /// with a place.
     #[test]
     fn damaged_files_are_read_or_refused(
-        scene in scene(),
+        (scene, options) in scene(),
         damage in prop::collection::vec((any::<prop::sample::Index>(), 0u8..4, any::<char>()), 1..6),
     ) {
-        let mut text: Vec<char> = scene_to_string(&scene).chars().collect();
+        let mut text: Vec<char> = scene_to_string(&scene, &options).chars().collect();
         for (index, kind, other) in damage {
             let at = index.index(text.len());
             match kind {
@@ -226,17 +233,17 @@ proptest! {
     /// A state that is saved and loaded goes on to the same bits, whatever the
     /// scene.
     #[test]
-    fn random_scenes_resume(scene in scene()) {
+    fn random_scenes_resume((scene, options) in scene()) {
         if !scene.problems().is_empty() {
             return Ok(());
         }
-        let Ok(mut islands) = Islands::new(&scene) else {
+        let Ok(mut islands) = Islands::with_options(&scene, &options) else {
             return Ok(());
         };
         // Part of the way first, so that there is something to save.
         let first = islands.run(2, &mut Patience(3));
         let words = islands.save();
-        let mut resumed = Islands::new(&scene).unwrap();
+        let mut resumed = Islands::with_options(&scene, &options).unwrap();
         prop_assert!(resumed.restore(words.clone()).is_ok());
         prop_assert_eq!(resumed.save(), words);
         if first.is_err() {

@@ -5,7 +5,7 @@ mod common;
 
 use common::{Random, append, tangle};
 use springs::io::write_scene;
-use springs::scene::{Method, Scene, StepControl};
+use springs::scene::{Method, RunOptions, Scene, StepControl};
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -35,7 +35,7 @@ fn results(folder: &Path) -> Vec<Vec<u8>> {
 fn survive(scene: &Scene, options: &str, kills: usize, random: &mut Random) -> usize {
     let folder = tempfile::tempdir().unwrap();
     let here = folder.path();
-    write_scene(&here.join("scene.ron"), scene).unwrap();
+    write_scene(&here.join("scene.ron"), scene, &RunOptions::default()).unwrap();
     let whole = format!("run scene.ron --out whole --write csv,energy,svg {options}");
     let begin = Instant::now();
     assert!(springs(&whole, here).status().unwrap().success());

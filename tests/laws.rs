@@ -9,7 +9,7 @@ use springs::math::law::{
     Bilinear, CompressionOnly, Law, Point, Polynomial, Power, StrainLimit, Table, TensionOnly,
 };
 use springs::math::spring::Spring;
-use springs::scene::{Method, Node, Scene, StepControl};
+use springs::scene::{Method, Node, RunOptions, Scene, StepControl};
 use springs::step::{Outcome, Simulation};
 
 const REST_LENGTH: f64 = 1.0;
@@ -116,7 +116,8 @@ fn run(law: &Law, method: Method, step: StepControl) -> Simulation {
     scene.settings.method = method;
     scene.settings.step = step;
     let emitters: Vec<Box<dyn Emitter>> = vec![Box::new(Springs::new("springs", &springs))];
-    let mut simulation = Simulation::with_emitters(&scene, emitters).unwrap();
+    let mut simulation =
+        Simulation::with_emitters(&scene, &RunOptions::default(), emitters).unwrap();
     assert_eq!(simulation.run(1, &mut ()), Ok(Outcome::Finished));
     simulation
 }

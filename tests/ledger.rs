@@ -5,7 +5,7 @@ mod common;
 
 use common::{tangle, with};
 use nalgebra::Vector3;
-use springs::scene::{Method, Node, Scene, StepControl, Tangent};
+use springs::scene::{Method, Node, RunOptions, Scene, StepControl, Tangent};
 use springs::step::{NodeStates, Simulation};
 
 const METHODS: [Method; 10] = [
@@ -52,8 +52,18 @@ fn without_dashpots(mut scene: Scene, method: Method) -> Scene {
 }
 
 fn run(scene: &Scene, method: Method, tangent: Option<Tangent>, h: f64) -> Simulation {
+    run_with(scene, method, tangent, h, &RunOptions::default())
+}
+
+fn run_with(
+    scene: &Scene,
+    method: Method,
+    tangent: Option<Tangent>,
+    h: f64,
+    options: &RunOptions,
+) -> Simulation {
     let scene = with(&without_dashpots(scene.clone(), method), method, tangent, h);
-    let mut simulation = Simulation::new(&scene).unwrap();
+    let mut simulation = Simulation::with_options(&scene, options).unwrap();
     simulation.run(1, &mut ()).unwrap();
     simulation
 }
@@ -180,9 +190,9 @@ fn the_work_of_an_anchor_is_its_velocity_times_its_impulse() {
 /// its steps.
 fn integrals(scene: &Scene, steps: usize) -> (f64, f64) {
     let h = scene.settings.duration / steps as f64;
-    let mut scene = with(scene, Method::Dop853, None, h);
-    scene.settings.skip = false;
-    let mut simulation = Simulation::new(&scene).unwrap();
+    let scene = with(scene, Method::Dop853, None, h);
+    let options = RunOptions::default().with_skip(false);
+    let mut simulation = Simulation::with_options(&scene, &options).unwrap();
     let (mut heat, mut work) = (0.0, 0.0);
     let mut add = |step: usize, nodes: &NodeStates| {
         let weight = match step {
@@ -283,11 +293,11 @@ fn what_joins_moving_anchors_is_booked_exactly() {
     // ∫ c (w·u)² dt with w·u = t/√(1 + t²) is t − atan t.
     let expected_heat = 3.0 * (0.5 - 0.5f64.atan());
     for skip in [false, true] {
-        scene.settings.skip = skip;
+        let options = RunOptions::default().with_skip(skip);
         for (method, tangent) in variants() {
             scene.springs[0].damping = if takes_dashpots(method) { 3.0 } else { 0.0 };
             let heat = expected_heat * scene.springs[0].damping / 3.0;
-            let simulation = run(&scene, method, tangent, 0.5);
+            let simulation = run_with(&scene, method, tangent, 0.5, &options);
             let ledger = simulation.ledger();
             assert!((ledger.heat.sum() - heat).abs() < 1e-13, "{method}");
             assert!(

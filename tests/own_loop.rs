@@ -7,7 +7,7 @@ use common::moving::{chain_of_20, pendulum, with_gravity};
 use common::{distance, solved};
 use nalgebra::Vector3;
 use springs::assembly::System;
-use springs::scene::{Method as Name, Node, Scene, StepControl};
+use springs::scene::{Method as Name, Node, RunOptions, Scene, StepControl};
 use springs::step::{
     Anchors, Cause, Doubling, ErrorEstimate, HiddenState, Interval, Method, MethodError,
     NodeStates, Simulation, State, Work,
@@ -161,20 +161,21 @@ fn a_method_from_outside_runs_in_a_simulation() {
     let mut scene = pendulum(60.0);
     scene.settings.step = StepControl::Fixed(1e-4);
     let reference = solved(&scene, Name::Dop853, 1e-10);
-    let mut simulation = Simulation::with_method(&scene, symplectic_euler).unwrap();
+    let options = RunOptions::default();
+    let mut simulation = Simulation::with_method(&scene, &options, symplectic_euler).unwrap();
     simulation.run(10, &mut ()).unwrap();
     assert_eq!(simulation.work().counts.force_evaluations, 10_000);
     let error = distance(&simulation.nodes().positions, &reference);
     assert!(error < 2e-3, "{error:e}");
 
     scene.settings.step = StepControl::Tolerance(1e-2);
-    let mut plain = Simulation::with_method(&scene, symplectic_euler).unwrap();
+    let mut plain = Simulation::with_method(&scene, &options, symplectic_euler).unwrap();
     let refusal = plain.run(1, &mut ()).unwrap_err();
     assert_eq!(refusal.cause, Cause::NoEstimate);
     let doubled = |system: &System| -> Box<dyn Method> {
         Box::new(Doubling::new(system, symplectic_euler(system)))
     };
-    let mut simulation = Simulation::with_method(&scene, doubled).unwrap();
+    let mut simulation = Simulation::with_method(&scene, &options, doubled).unwrap();
     simulation.run(1, &mut ()).unwrap();
     let error = distance(&simulation.nodes().positions, &reference);
     assert!(error < 0.1 && error > 1e-4, "{error:e}");

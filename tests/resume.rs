@@ -6,7 +6,7 @@ mod common;
 use common::{append, tangle};
 use nalgebra::Vector3;
 use springs::scene::generate::{Material, block, cloth};
-use springs::scene::{Method, Node, Scene, StepControl, Tangent};
+use springs::scene::{Method, Node, RunOptions, Scene, StepControl, Tangent};
 use springs::step::{Account, Counts, Frame, Islands, NodeStates, Observer, Outcome};
 use std::ops::ControlFlow;
 
@@ -58,13 +58,17 @@ const INTERVALS: usize = 7;
 /// simulation made anew; frames, end and counts must agree, but for the
 /// factorizations that are returned.
 fn check(scene: &Scene, every: usize) -> u64 {
+    check_with(scene, &RunOptions::default(), every)
+}
+
+fn check_with(scene: &Scene, options: &RunOptions, every: usize) -> u64 {
     let what = format!("{}, {}", scene.name, scene.settings.method);
     let mut through = Watcher::default();
-    let mut islands = Islands::new(scene).unwrap();
+    let mut islands = Islands::with_options(scene, options).unwrap();
     islands.run(INTERVALS, &mut through).unwrap();
 
     let mut watcher = Watcher::default();
-    let mut resumed = Islands::new(scene).unwrap();
+    let mut resumed = Islands::with_options(scene, options).unwrap();
     let mut stops = 0;
     loop {
         watcher.calls_left = Some(every);
@@ -72,7 +76,7 @@ fn check(scene: &Scene, every: usize) -> u64 {
             break;
         }
         let words = resumed.save();
-        resumed = Islands::new(scene).unwrap();
+        resumed = Islands::with_options(scene, options).unwrap();
         resumed.restore(words).unwrap();
         stops += 1;
         assert!(stops < 10_000, "{what} gets on");
@@ -212,17 +216,17 @@ fn parts_that_fall_asleep() {
     }
     scene.settings.method = Method::TrBdf2;
     scene.settings.duration = 8.0;
-    scene.settings.sleep = Some(1e-2);
+    let options = RunOptions::default().with_sleep(1e-2);
     for step in [StepControl::Fixed(2e-2), StepControl::Tolerance(1e-2)] {
         scene.settings.step = step;
-        let mut islands = Islands::new(&scene).unwrap();
+        let mut islands = Islands::with_options(&scene, &options).unwrap();
         islands.run(INTERVALS, &mut ()).unwrap();
         let asleep = islands.parts().iter();
         let asleep = asleep
             .filter(|part| part.asleep_since() > Some(0.0))
             .count();
         assert_eq!(asleep, 2, "{step:?}");
-        check(&scene, 60);
+        check_with(&scene, &options, 60);
     }
 }
 

@@ -5,7 +5,7 @@ mod common;
 use common::{Random, tangle};
 use springs::io::{parse_scene, scene_to_string};
 use springs::scene::generate::{Material, block, chain, cloth};
-use springs::scene::{Method, Scene, StepControl, Tangent, Vector3};
+use springs::scene::{Method, RunOptions, Scene, StepControl, Tangent, Vector3};
 
 fn bits(scene: &Scene) -> Vec<u64> {
     let nodes = scene.nodes.iter().flat_map(|node| {
@@ -64,8 +64,8 @@ fn written_scenes_read_back_to_the_same_bits() {
         odd,
     ];
     for scene in scenes {
-        let text = scene_to_string(&scene);
-        let back = parse_scene("test", &text).unwrap();
+        let text = scene_to_string(&scene, &RunOptions::default());
+        let back = parse_scene("test", &text).unwrap().0;
         assert_eq!(back, scene);
         assert_eq!(bits(&back), bits(&scene));
     }
@@ -79,7 +79,7 @@ fn both_brackets_integers_comments_and_short_forms_are_read() {
         nodes: [(position: (0, 0, 0), fixed: true), (position: (3, 4, 0), mass: 2)],
         springs: [(nodes: (0, 1), stiffness: 7)],
     )";
-    let expected = parse_scene("plain", plain).unwrap();
+    let expected = parse_scene("plain", plain).unwrap().0;
     assert_eq!(expected.springs[0].rest_length, 5.0);
     assert_eq!(expected.settings.method, Method::Auto);
     assert_eq!(expected.settings.duration, 1.0);
@@ -94,7 +94,7 @@ fn both_brackets_integers_comments_and_short_forms_are_read() {
          springs: [(nodes: (0, 1), stiffness: 7, rest_length: 5)], simulation: ())",
     ];
     for text in spellings {
-        assert_eq!(parse_scene("spelling", text).unwrap(), expected);
+        assert_eq!(parse_scene("spelling", text).unwrap().0, expected);
     }
 }
 
@@ -111,20 +111,25 @@ fn loads_and_drag_read_back() {
             (nodes: [1], force: (0, 1, 0), over_time: Table([(0, 0), (2, 100), (2.5, -1e-3)])),
         ],
     )";
-    let scene = parse_scene("loads.ron", text).unwrap();
+    let scene = parse_scene("loads.ron", text).unwrap().0;
     assert_eq!(scene.drag, 0.25);
     assert_eq!(scene.loads.len(), 4);
     assert_eq!(scene.loads[0].nodes, [0, 1]);
     assert_eq!(scene.loads[1].over_time.factor(1.25), 0.5);
     assert_eq!(scene.loads[2].over_time.factor(0.1), 1.0);
     assert_eq!(scene.loads[3].over_time.factor(1.0), 50.0);
-    let again = parse_scene("again.ron", &scene_to_string(&scene)).unwrap();
+    let again = parse_scene(
+        "again.ron",
+        &scene_to_string(&scene, &RunOptions::default()),
+    )
+    .unwrap()
+    .0;
     assert_eq!(again, scene);
 }
 
 #[test]
 fn the_documented_scene_is_read() {
-    let scene = parse_scene(
+    let (scene, _) = parse_scene(
         "documented",
         r#"// A weight on two springs; the first end is fixed.
 Scene(

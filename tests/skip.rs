@@ -5,8 +5,8 @@ mod common;
 
 use common::{Random, append, distance, tangle};
 use nalgebra::{Rotation3, Vector3};
-use springs::assembly::{Motion, compile};
-use springs::scene::{Method, Node, Scene, StepControl, Tangent};
+use springs::assembly::{Compilation, Motion, compile, compile_with};
+use springs::scene::{Method, Node, RunOptions, Scene, StepControl, Tangent};
 use springs::step::{
     Cause, Frame, Islands, LinearlyImplicitEuler, NodeStates, Observer, Outcome, Rodas4,
     Simulation, Stepper,
@@ -36,9 +36,11 @@ fn stretched_tangle(n_nodes: usize, seed: u64) -> Scene {
 }
 
 fn run(scene: &Scene, skip: bool) -> NodeStates {
-    let mut scene = scene.clone();
-    scene.settings.skip = skip;
-    let mut islands = Islands::new(&scene).unwrap();
+    run_with(scene, &RunOptions::default().with_skip(skip))
+}
+
+fn run_with(scene: &Scene, options: &RunOptions) -> NodeStates {
+    let mut islands = Islands::with_options(scene, options).unwrap();
     assert_eq!(islands.run(1, &mut ()).unwrap(), Outcome::Finished);
     islands.nodes().clone()
 }
@@ -181,9 +183,9 @@ fn duplicate_springs() {
         assert!(n_merged >= 6, "those of the same rest length: {n_merged}");
         check(&scene, 1e-11);
         let energy = |skip: bool| {
-            let mut scene = scene.clone();
-            scene.settings.skip = skip;
-            Simulation::new(&scene).unwrap().energy().total()
+            let options = RunOptions::default().with_skip(skip);
+            let simulation = Simulation::with_options(&scene, &options).unwrap();
+            simulation.energy().total()
         };
         let (merged, plain) = (energy(true), energy(false));
         assert!((merged - plain).abs() < 1e-13 * plain.abs());
@@ -332,9 +334,8 @@ fn a_short_spring_across_a_plane_pushes_out_of_it() {
 /// How runs with and without skipping end; errors without the words about it.
 fn ends(scene: &Scene) -> [Result<NodeStates, (Cause, usize)>; 2] {
     [true, false].map(|skip| {
-        let mut scene = scene.clone();
-        scene.settings.skip = skip;
-        let mut islands = Islands::new(&scene).unwrap();
+        let options = RunOptions::default().with_skip(skip);
+        let mut islands = Islands::with_options(scene, &options).unwrap();
         let done = islands.run(1, &mut ());
         done.map_err(|error| (error.cause, error.node))?;
         Ok(islands.nodes().clone())
@@ -518,12 +519,17 @@ fn an_anchor_may_get_another_velocity_between_steps() {
         scene.settings.method = method;
         scene.settings.tangent = tangent;
         let end = |skip: bool| {
-            let mut scene = scene.clone();
-            scene.settings.skip = skip;
-            let system = compile(&scene).unwrap();
+            let compilation = Compilation {
+                is_complete: !skip,
+                ..Compilation::default()
+            };
+            let system = compile_with(&scene, compilation).unwrap();
+            let options = RunOptions::default();
             let own: Box<dyn springs::step::Method> = match tangent {
-                Some(tangent) => Box::new(LinearlyImplicitEuler::new(&system, tangent).unwrap()),
-                None => Box::new(Rodas4::new(&system).unwrap()),
+                Some(tangent) => {
+                    Box::new(LinearlyImplicitEuler::new(&system, tangent, &options).unwrap())
+                }
+                None => Box::new(Rodas4::new(&system, &options).unwrap()),
             };
             let mut stepper = Stepper::with_method(system, own);
             let mut nodes = NodeStates::of(&scene);
@@ -556,8 +562,8 @@ fn parts_on_a_line_fall_asleep() {
     }
     scene.settings.method = Method::ImplicitEuler;
     scene.settings.duration = 60.0;
-    scene.settings.sleep = Some(1e-6);
-    let mut islands = Islands::new(&scene).unwrap();
+    let options = RunOptions::default().with_sleep(1e-6);
+    let mut islands = Islands::with_options(&scene, &options).unwrap();
     islands.run(1, &mut ()).unwrap();
     assert!(islands.parts()[0].asleep_since().is_some());
     // m g/K for each weight below.
@@ -652,9 +658,8 @@ fn any_number_of_threads_gives_the_same_bits() {
         scene.settings.step = step;
         scene.settings.method = Method::Auto;
         let run = |threads| {
-            let mut scene = scene.clone();
-            scene.settings.threads = threads;
-            run(&scene, true)
+            let options = RunOptions::default().with_threads(threads);
+            run_with(&scene, &options)
         };
         let alone = run(1);
         for threads in [2, 3, 8] {
@@ -768,8 +773,8 @@ fn sleepers_are_no_further_from_rest_than_was_asked() {
     scene.settings.method = Method::ImplicitEuler;
     let awake = run(&scene, true);
     let reach = 1e-4;
-    scene.settings.sleep = Some(reach);
-    let mut islands = Islands::new(&scene).unwrap();
+    let options = RunOptions::default().with_sleep(reach);
+    let mut islands = Islands::with_options(&scene, &options).unwrap();
     islands.run(1, &mut ()).unwrap();
     let asleep = islands
         .parts()
@@ -806,11 +811,11 @@ fn what_falls_asleep_stands_still() {
     scene.gravity.z = -9.81;
     scene.settings.duration = 20.0;
     scene.settings.method = Method::TrBdf2;
-    scene.settings.sleep = Some(1e-3);
+    let options = RunOptions::default().with_sleep(1e-3);
     for step in [StepControl::Fixed(0.03), StepControl::Tolerance(1e-2)] {
         scene.settings.step = step;
         let mut frames = Frames::default();
-        let mut islands = Islands::new(&scene).unwrap();
+        let mut islands = Islands::with_options(&scene, &options).unwrap();
         islands.run(100, &mut frames).unwrap();
         let fell_asleep = |part: &&springs::step::Part| part.asleep_since() > Some(0.0);
         let mut n_asleep = 0;
@@ -848,10 +853,9 @@ fn frames_of_islands_are_those_of_the_whole() {
     let (mut scene, _) = archipelago();
     scene.settings.method = Method::VelocityVerlet;
     let frames = |skip| {
-        let mut scene = scene.clone();
-        scene.settings.skip = skip;
+        let options = RunOptions::default().with_skip(skip);
         let mut frames = Frames::default();
-        let mut islands = Islands::new(&scene).unwrap();
+        let mut islands = Islands::with_options(&scene, &options).unwrap();
         islands.run(7, &mut frames).unwrap();
         frames.0
     };

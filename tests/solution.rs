@@ -3,7 +3,7 @@
 
 use springs::assembly::{Evaluation, OffDiagonal, Projection, Weights, compile};
 use springs::scene::generate::{Material, block, cloth};
-use springs::scene::{Method, Node, Scene, Solution, StepControl, Vector3};
+use springs::scene::{LinearTolerance, Method, Node, RunOptions, Scene, StepControl, Vector3};
 use springs::solver::{Options, Solver};
 use springs::step::{Counts, Simulation};
 
@@ -12,14 +12,14 @@ fn run(
     scene: &Scene,
     method: Method,
     step: f64,
-    solution: Solution,
+    linear_tolerance: LinearTolerance,
 ) -> (Vec<Vector3<f64>>, Counts) {
     let mut scene = scene.clone();
     scene.settings.method = method;
     scene.settings.step = StepControl::Fixed(step);
     scene.settings.duration = 0.5;
-    scene.settings.solution = solution;
-    let mut simulation = Simulation::new(&scene).unwrap();
+    let options = RunOptions::default().with_linear_tolerance(linear_tolerance);
+    let mut simulation = Simulation::with_options(&scene, &options).unwrap();
     simulation.run(1, &mut ()).unwrap();
     (
         simulation.nodes().positions.clone(),
@@ -85,7 +85,7 @@ fn scenes() -> [Scene; 2] {
 fn strict_solutions_are_those_of_a_fresh_factor() {
     for scene in &scenes() {
         let method = Method::LinearlyImplicitEuler;
-        let (strict, _) = run(scene, method, H, Solution::Strict);
+        let (strict, _) = run(scene, method, H, LinearTolerance::Strict);
         let difference = distance(&strict, &factorized_at_every_step(scene));
         assert!(difference < 1e-8, "{}: {difference:e}", scene.name);
     }
@@ -95,9 +95,9 @@ fn strict_solutions_are_those_of_a_fresh_factor() {
 fn sufficient_solutions_change_the_error_by_less_than_a_hundredth() {
     for scene in scenes() {
         let method = Method::LinearlyImplicitEuler;
-        let (fine, _) = run(&scene, method, H / 8.0, Solution::Sufficient);
-        let (strict, _) = run(&scene, method, H, Solution::Strict);
-        let (sufficient, counts) = run(&scene, method, H, Solution::Sufficient);
+        let (fine, _) = run(&scene, method, H / 8.0, LinearTolerance::Sufficient);
+        let (strict, _) = run(&scene, method, H, LinearTolerance::Strict);
+        let (sufficient, counts) = run(&scene, method, H, LinearTolerance::Sufficient);
         let (of_strict, of_sufficient) = (distance(&strict, &fine), distance(&sufficient, &fine));
         let change = (of_sufficient / of_strict - 1.0).abs();
         assert!(change < 0.01, "{}: {change:e}", scene.name);
@@ -111,8 +111,8 @@ fn sufficient_solutions_change_the_error_by_less_than_a_hundredth() {
 fn converged_methods_do_not_depend_on_how_systems_are_solved() {
     let [_, block] = scenes();
     for method in [Method::ImplicitEuler, Method::TrBdf2] {
-        let (strict, _) = run(&block, method, H, Solution::Strict);
-        let (sufficient, counts) = run(&block, method, H, Solution::Sufficient);
+        let (strict, _) = run(&block, method, H, LinearTolerance::Strict);
+        let (sufficient, counts) = run(&block, method, H, LinearTolerance::Sufficient);
         let difference = distance(&strict, &sufficient);
         assert!(difference < 1e-9, "{method}: {difference:e}");
         assert!(counts.solver_iterations > 0);
@@ -154,7 +154,7 @@ fn moving_frames_change_nothing() {
         node.position *= 1.0 + 0.1 * (index as f64).sin();
     }
     for scene in [held, free] {
-        for solution in [Solution::Sufficient, Solution::Strict] {
+        for solution in [LinearTolerance::Sufficient, LinearTolerance::Strict] {
             let moved = |speed: f64| {
                 let mut scene = scene.clone();
                 let velocity = Vector3::new(0.6, 0.0, 0.8) * speed;
@@ -223,7 +223,7 @@ fn stiff_solutions_are_refined_beside_a_massless_node() {
         &scene,
         Method::LinearlyImplicitEuler,
         0.01,
-        Solution::Strict,
+        LinearTolerance::Strict,
     );
     assert_eq!(2 * counts.refinements, counts.solves);
 }

@@ -6,7 +6,7 @@ mod common;
 use common::hard::hard_scenes;
 use common::{Random, distance, tangle, with};
 use nalgebra::{Rotation3, Vector3};
-use springs::scene::{Method, Node, Scene, StepControl};
+use springs::scene::{Method, Node, RunOptions, Scene, StepControl};
 use springs::step::{Cause, Islands, NodeStates, SetupError, Stepper};
 
 fn methods() -> impl Iterator<Item = Method> {
@@ -83,8 +83,8 @@ fn failing_steps_can_be_rescued() {
     };
     scene.settings.method = Method::ImplicitEuler;
     assert!(run(scene).unwrap().is_err());
-    scene.settings.rescue = true;
-    let mut islands = Islands::new(scene).unwrap();
+    let options = RunOptions::default().with_substeps(true);
+    let mut islands = Islands::with_options(scene, &options).unwrap();
     islands.run(7, &mut ()).unwrap();
     let counts = islands.work().counts;
     assert!(counts.rescued_steps > 0 && counts.steps > 100, "{counts:?}");

@@ -6,7 +6,7 @@ mod common;
 use common::desk::Desk;
 use springs::assembly::compile;
 use springs::scene::generate::{Material, chain, cloth, disturb};
-use springs::scene::{Method, Node, Scene, Vector3};
+use springs::scene::{Method, Node, RunOptions, Scene, Vector3};
 use springs::study::{
     Fate, Options, Setting, Study, StudyError, SweepEnd, csv, diagram, method_notes,
     recommendations, reference_csv, reference_note, stability, stability_csv, stability_diagram,
@@ -253,7 +253,11 @@ fn a_scene_that_cannot_be_solved_is_told_apart_from_a_short_budget() {
 
 fn desk_with(scene: &Scene) -> Desk {
     let desk = Desk::new();
-    std::fs::write(desk.path("rope.ron"), springs::io::scene_to_string(scene)).unwrap();
+    std::fs::write(
+        desk.path("rope.ron"),
+        springs::io::scene_to_string(scene, &RunOptions::default()),
+    )
+    .unwrap();
     desk
 }
 
@@ -325,7 +329,7 @@ fn wrong_arguments_are_told() {
 /// Largest distance of a node of `final.ron` from the reference of a study.
 fn error_after(desk: &Desk, run: &str, study: &str) -> f64 {
     let text = desk.read(&format!("{run}/final.ron"));
-    let last = springs::io::parse_scene("final.ron", &text).unwrap();
+    let last = springs::io::parse_scene("final.ron", &text).unwrap().0;
     let table = desk.read(&format!("{study}/reference.csv"));
     let mut rows = csv_rows(&table);
     let distances = last.nodes.iter().map(|node| {

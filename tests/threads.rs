@@ -4,14 +4,12 @@ mod common;
 
 use common::with;
 use springs::scene::generate::{Material, cloth, disturb};
-use springs::scene::{Method, Scene};
+use springs::scene::{Method, RunOptions, Scene};
 use springs::step::Simulation;
 
 fn run(scene: &Scene, threads: usize) -> Simulation {
-    let mut scene = scene.clone();
-    scene.settings.threads = threads;
-    let mut simulation = Simulation::new(&scene).unwrap();
-    assert_eq!(simulation.stepper().system().threads(), threads);
+    let options = RunOptions::default().with_threads(threads);
+    let mut simulation = Simulation::with_options(scene, &options).unwrap();
     simulation.run(1, &mut ()).unwrap();
     simulation
 }

@@ -5,8 +5,8 @@ mod common;
 
 use common::{Random, append, tangle, with};
 use nalgebra::Vector3;
-use springs::assembly::compile;
-use springs::scene::{Method, Node, Scene};
+use springs::assembly::{Compilation, compile_with};
+use springs::scene::{Method, Node, RunOptions, Scene};
 use springs::step::{
     Account, Cause, Frame, Islands, NodeStates, Observer, Simulation, State, StepError,
 };
@@ -27,7 +27,11 @@ fn stiff(method: Method, duration: f64) -> Scene {
 }
 
 fn failure(scene: &Scene) -> (StepError, Simulation) {
-    let mut simulation = Simulation::new(scene).unwrap();
+    failure_with(scene, &RunOptions::default())
+}
+
+fn failure_with(scene: &Scene, options: &RunOptions) -> (StepError, Simulation) {
+    let mut simulation = Simulation::with_options(scene, options).unwrap();
     let error = simulation.run(1, &mut ()).expect_err("it diverges");
     (error, simulation)
 }
@@ -45,9 +49,9 @@ fn energy_that_diverges_is_an_error_in_any_step() {
     for method in explicit {
         for duration in [1.0, 2.0, 3.0] {
             for rescue in [false, true] {
-                let mut scene = stiff(method, duration);
-                scene.settings.rescue = rescue;
-                let (error, simulation) = failure(&scene);
+                let scene = stiff(method, duration);
+                let options = RunOptions::default().with_substeps(rescue);
+                let (error, simulation) = failure_with(&scene, &options);
                 assert_eq!(error.cause, Cause::EnergyDiverged, "{method}: {error}");
                 assert_eq!(error.node, 1);
                 assert!(
@@ -153,12 +157,11 @@ impl Observer for Compare<'_> {
         let (time, nodes) = self.frame.take().expect("after a frame");
         assert_eq!(account.time, time);
         let mut scene = self.scene.clone();
-        scene.settings.skip = false;
         nodes.write_to(&mut scene);
         for (spring, old) in scene.springs.iter_mut().zip(&self.scene.springs) {
             spring.rest_length = old.rest_length;
         }
-        let system = compile(&scene).unwrap();
+        let system = compile_with(&scene, Compilation::complete()).unwrap();
         let state = State {
             time,
             x: system.initial_positions().to_vec(),
@@ -181,13 +184,13 @@ impl Observer for Compare<'_> {
     }
 }
 
-fn accounts(scene: &Scene, intervals: usize) -> Vec<Account> {
+fn accounts(scene: &Scene, options: &RunOptions, intervals: usize) -> Vec<Account> {
     let mut observer = Compare {
         scene,
         frame: None,
         accounts: Vec::new(),
     };
-    let mut islands = Islands::new(scene).unwrap();
+    let mut islands = Islands::with_options(scene, options).unwrap();
     islands.run(intervals, &mut observer).unwrap();
     assert_eq!(observer.accounts.len(), intervals + 1);
     let last = observer.accounts[intervals];
@@ -222,10 +225,10 @@ fn accounts_of_several_parts_are_of_one_time() {
     {
         scene.settings.method = method;
         scene.settings.step = springs::scene::StepControl::Tolerance(tolerance);
-        scene.settings.skip = true;
-        let apart = accounts(&scene, 41);
-        scene.settings.skip = false;
-        let together = accounts(&scene, 41);
+        let [apart, together] = [true, false].map(|skip| {
+            let options = RunOptions::default().with_skip(skip);
+            accounts(&scene, &options, 41)
+        });
         for (a, b) in apart.iter().zip(&together) {
             for (a, b) in [
                 (a.energy.total(), b.energy.total()),
@@ -237,7 +240,5 @@ fn accounts_of_several_parts_are_of_one_time() {
             }
         }
     }
-    scene.settings.skip = true;
-    scene.settings.sleep = Some(1e-3);
-    accounts(&scene, 41);
+    accounts(&scene, &RunOptions::default().with_sleep(1e-3), 41);
 }

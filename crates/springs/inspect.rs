@@ -21,7 +21,7 @@ pub struct Saving {
 pub fn skipped(scene: &Scene, islands: &Islands) -> Vec<Saving> {
     let mut savings = Savings(Vec::new());
     list_forces(scene, &mut savings);
-    if !scene.settings.skip {
+    if !islands.largest().simulation().choice().options.skip {
         return savings.0;
     }
     let systems = || {

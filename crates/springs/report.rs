@@ -84,7 +84,7 @@ pub fn report(
         .to_owned(),
         method: choice.method.to_string(),
         tangent: choice.tangent.map(|tangent| tangent.to_string()),
-        solution: scene.settings.solution.to_string(),
+        solution: choice.options.linear_tolerance.to_string(),
         threads: islands.threads(),
         nodes: scene.nodes.len(),
         springs: scene.springs.len(),

@@ -34,10 +34,38 @@ pub enum CompileError {
 ///
 /// If the scene has problems: all of them.
 pub fn compile(scene: &Scene) -> Result<System, CompileError> {
-    compile_with(scene, Vec::new())
+    compile_with(scene, Compilation::default())
 }
 
-/// The same with more emitters, whose nodes are those of the scene.
+/// What a system has beside its scene.
+#[derive(Default)]
+pub struct Compilation {
+    /// Emitters beside those of the scene, on its nodes.
+    pub emitters: Vec<Box<dyn Emitter>>,
+    /// Nothing is left out: springs between the same nodes stay apart, and the motion
+    /// is in space even where it stays on a plane or a line.
+    pub is_complete: bool,
+}
+
+impl Compilation {
+    /// With everything that is in the scene.
+    pub fn complete() -> Self {
+        Self {
+            is_complete: true,
+            ..Self::default()
+        }
+    }
+
+    /// With more emitters.
+    pub fn with_emitters(emitters: Vec<Box<dyn Emitter>>) -> Self {
+        Self {
+            emitters,
+            ..Self::default()
+        }
+    }
+}
+
+/// The same as said, and with more emitters.
 ///
 /// # Errors
 ///
@@ -46,19 +74,23 @@ pub fn compile(scene: &Scene) -> Result<System, CompileError> {
 /// # Panics
 ///
 /// If an emitter asks for a node that is not there.
-pub fn compile_with(scene: &Scene, others: Vec<Box<dyn Emitter>>) -> Result<System, CompileError> {
+pub fn compile_with(scene: &Scene, compilation: Compilation) -> Result<System, CompileError> {
+    let Compilation {
+        emitters: others,
+        is_complete,
+    } = compilation;
     let problems = scene.problems();
     if !problems.is_empty() {
         return Err(CompileError::Problems(problems));
     }
     let numbering = Numbering::new(scene.nodes.iter().map(|node| node.fixed));
     let masses = lump_mass(scene, &numbering);
-    let mut springs = springs_of(scene);
+    let mut springs = springs_of(scene, is_complete);
     springs.number(&numbering);
-    if scene.settings.skip {
+    if !is_complete {
         springs.find_isotropy();
     }
-    let mut dashpots = dashpots_of(scene);
+    let mut dashpots = dashpots_of(scene, is_complete);
     dashpots.number(&numbering);
     let gravity = Gravity::new(&scene.gravity, &masses);
     let mut loads = loads_of(scene);
@@ -83,10 +115,10 @@ pub fn compile_with(scene: &Scene, others: Vec<Box<dyn Emitter>>) -> Result<Syst
         });
     }
     let (pattern, couplings) = place(&mut emitters, &numbering);
-    let motion = if scene.settings.skip {
-        motion_of(scene, &numbering, &emitters, &couplings)
-    } else {
+    let motion = if is_complete {
         Motion::Space
+    } else {
+        motion_of(scene, &numbering, &emitters, &couplings)
     };
     let matrix = (pattern, couplings);
     Ok(System::new(
@@ -95,11 +127,11 @@ pub fn compile_with(scene: &Scene, others: Vec<Box<dyn Emitter>>) -> Result<Syst
 }
 
 /// The springs that have a stiffness; those of one rest length between the same two
-/// nodes are one, unless the scene says otherwise: K = ΣK. Their tensions are in
+/// nodes are one, unless nothing is to be left out: K = ΣK. Their tensions are in
 /// proportion to their stiffnesses, so that this is exact with every projection.
-fn springs_of(scene: &Scene) -> Springs {
+fn springs_of(scene: &Scene, is_complete: bool) -> Springs {
     // Rest lengths are not negative, so their bits are in their order.
-    let firsts = firsts_of_pairs(scene, |spring| {
+    let firsts = firsts_of_pairs(scene, is_complete, |spring| {
         (spring.stiffness > 0.0).then_some((spring.rest_length + 0.0).to_bits())
     });
     let mut sums = vec![0.0; scene.springs.len()];
@@ -137,9 +169,11 @@ fn loads_of(scene: &Scene) -> Loads<SceneLoad> {
 }
 
 /// The springs that have a damping; those between the same two nodes are one, unless
-/// the scene says otherwise: c = Σc.
-fn dashpots_of(scene: &Scene) -> Dashpots {
-    let firsts = firsts_of_pairs(scene, |spring| (spring.damping > 0.0).then_some(()));
+/// nothing is to be left out: c = Σc.
+fn dashpots_of(scene: &Scene, is_complete: bool) -> Dashpots {
+    let firsts = firsts_of_pairs(scene, is_complete, |spring| {
+        (spring.damping > 0.0).then_some(())
+    });
     let mut sums = vec![0.0; scene.springs.len()];
     for (spring, &first) in scene.springs.iter().zip(&firsts) {
         sums[first] += spring.damping;
@@ -153,11 +187,15 @@ fn dashpots_of(scene: &Scene) -> Dashpots {
 }
 
 /// The first spring of those between the same nodes and with the same `trait_of`,
-/// for each spring; only among springs that have one, and itself where duplicates
-/// are not to be merged.
-fn firsts_of_pairs<T: Ord>(scene: &Scene, trait_of: impl Fn(&Spring) -> Option<T>) -> Vec<usize> {
+/// for each spring; only among springs that have one, and itself where nothing is
+/// to be left out.
+fn firsts_of_pairs<T: Ord>(
+    scene: &Scene,
+    is_complete: bool,
+    trait_of: impl Fn(&Spring) -> Option<T>,
+) -> Vec<usize> {
     let mut firsts: Vec<usize> = (0..scene.springs.len()).collect();
-    if !scene.settings.skip {
+    if is_complete {
         return firsts;
     }
     let springs = scene.springs.iter().enumerate();

@@ -46,7 +46,7 @@ mod springs;
 mod system;
 mod terms;
 
-pub use compile::{CompileError, compile, compile_with};
+pub use compile::{Compilation, CompileError, compile, compile_with};
 pub use dashpots::Dashpots;
 pub use dofs::Numbering;
 pub use elements::{Element, PointMasses, SpringMasses};
@@ -58,5 +58,5 @@ pub use loads::{History, Loads};
 pub use matrix::{BlockMatrix, BlockPattern, OffDiagonal, PACKED};
 pub use motion::Motion;
 pub use springs::{SpringBetween, Springs};
-pub use system::{Linearization, System, machine_threads};
+pub use system::{Linearization, System};
 pub use terms::{Term, Terms};

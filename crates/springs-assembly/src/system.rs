@@ -5,21 +5,8 @@ use crate::{
     StiffnessKind, Strained, Weights,
 };
 use nalgebra::Vector3;
-use springs_scene::{Scene, Solution};
-use std::num::NonZeroUsize;
-use std::sync::{Arc, LazyLock};
-
-/// Asked for once: the answer takes longer than a small scene.
-static MACHINE_THREADS: LazyLock<usize> =
-    LazyLock::new(|| std::thread::available_parallelism().map_or(1, NonZeroUsize::get));
-
-/// Threads for a setting of so many, where 0 means as many as the machine has.
-pub fn machine_threads(asked: usize) -> usize {
-    match asked {
-        0 => *MACHINE_THREADS,
-        asked => asked,
-    }
-}
+use springs_scene::Scene;
+use std::sync::Arc;
 
 /// A compiled scene.
 ///
@@ -36,8 +23,6 @@ pub struct System {
     couplings: Couplings,
     motion: Motion,
     pattern: Arc<BlockPattern>,
-    threads: usize,
-    solution: Solution,
     initial_positions: Vec<Vector3<f64>>,
     initial_velocities: Vec<Vector3<f64>>,
 }
@@ -101,19 +86,7 @@ impl System {
             couplings,
             motion,
             pattern: Arc::new(pattern),
-            threads: machine_threads(scene.settings.threads),
-            solution: scene.settings.solution,
         }
-    }
-
-    /// Threads that may be used on the system.
-    pub fn threads(&self) -> usize {
-        self.threads
-    }
-
-    /// How precisely linear systems are to be solved.
-    pub fn solution(&self) -> Solution {
-        self.solution
     }
 
     /// Which node is which block.

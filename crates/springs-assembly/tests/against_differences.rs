@@ -2,7 +2,10 @@
 //! bookkeeping of free, fixed and moving nodes against a system without any.
 
 use nalgebra::{DMatrix, DVector, Vector3};
-use springs_assembly::{Evaluation, Linearization, Motion, Projection, System, Weights, compile};
+use springs_assembly::{
+    Compilation, Evaluation, Linearization, Motion, Projection, System, Weights, compile,
+    compile_with,
+};
 use springs_scene::generate::{Material, block, chain, cloth, disturb};
 use springs_scene::{Node, Scene};
 
@@ -177,9 +180,7 @@ fn nothing_is_left_out_of_the_matrix() {
             assert!(error < 1e-8, "{}, {row}: {error:e}", scene.name);
         }
         // Every projection gives what it gives with each spring by itself.
-        let mut each = scene.clone();
-        each.settings.skip = false;
-        let each = compile(&each).unwrap();
+        let each = compile_with(&scene, Compilation::complete()).unwrap();
         for projection in [
             Projection::None,
             Projection::Clamp,

@@ -10,7 +10,7 @@
 //!     nodes: [(position: (0, 0, 0), fixed: true), (position: [0, 0, -1], mass: 0.2)],
 //!     springs: [(nodes: (0, 1), stiffness: 100)],
 //! )";
-//! let scene = springs_io::parse_scene("pendulum.ron", text)?;
+//! let (scene, _) = springs_io::parse_scene("pendulum.ron", text)?;
 //! assert_eq!(scene.springs[0].rest_length, 1.0);
 //!
 //! let error = springs_io::parse_scene("pendulum.ron", &text.replace("100", "-1")).unwrap_err();

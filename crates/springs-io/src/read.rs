@@ -7,7 +7,9 @@ use crate::scene_file::{
 use crate::syntax;
 use nalgebra::Vector3;
 use ron::extensions::Extensions;
-use springs_scene::{Load, Method, Node, OverTime, Scene, Settings, Spring, StepControl};
+use springs_scene::{
+    Load, Method, Node, OverTime, RunOptions, Scene, Settings, Spring, StepControl,
+};
 use std::fmt;
 use std::io::{self, Read};
 use std::path::Path;
@@ -161,12 +163,12 @@ impl fmt::Display for Finding {
     }
 }
 
-/// Reads a scene file.
+/// Reads a scene file: the scene, and how it says it is run.
 ///
 /// # Errors
 ///
 /// If the file cannot be read or is not a sound scene.
-pub fn read_scene(path: &Path) -> Result<Scene, SceneError> {
+pub fn read_scene(path: &Path) -> Result<(Scene, RunOptions), SceneError> {
     let file = path.display().to_string();
     let text = read_text(&file, std::fs::File::open(path))?;
     parse_scene(&file, &text)
@@ -218,7 +220,8 @@ const LONGEST: u64 = 1 << 34;
 /// Bytes that are read between two looks at them.
 const PIECE: u64 = 1 << 20;
 
-/// Reads a scene from the text of a scene file; `file` is its name in errors.
+/// Reads a scene, and how it is run, from the text of a scene file; `file` is its name
+/// in errors.
 ///
 /// A scene is `Scene(version: 1, name, gravity, nodes: [...], springs: [...],
 /// simulation: (...))` in RON, all in SI units; the README lists the fields.
@@ -227,16 +230,16 @@ const PIECE: u64 = 1 << 20;
 ///
 /// If the text is not a sound scene: the first fault of its syntax, or
 /// everything that is wrong with the scene it describes.
-pub fn parse_scene(file: &str, text: &str) -> Result<Scene, SceneError> {
+pub fn parse_scene(file: &str, text: &str) -> Result<(Scene, RunOptions), SceneError> {
     let text = without_mark(text);
-    let options = ron::Options::default().with_default_extension(Extensions::IMPLICIT_SOME);
+    let syntax = ron::Options::default().with_default_extension(Extensions::IMPLICIT_SOME);
     let wrong = |findings| SceneError::Wrong {
         file: file.to_owned(),
         findings,
     };
-    let entries: SceneFile = match options.from_str(text) {
+    let entries: SceneFile = match syntax.from_str(text) {
         Ok(entries) => entries,
-        Err(error) => return Err(wrong(vec![syntax::finding(&options, text, &error)])),
+        Err(error) => return Err(wrong(vec![syntax::finding(&syntax, text, &error)])),
     };
     if entries.simulation.step.is_some() && entries.simulation.tolerance.is_some() {
         return Err(wrong(vec![Finding::at(
@@ -246,10 +249,12 @@ pub fn parse_scene(file: &str, text: &str) -> Result<Scene, SceneError> {
             Some("remove one of them"),
         )]));
     }
+    let options = options(&entries.simulation);
     let scene = scene(entries);
-    let problems = scene.problems();
+    let mut problems = scene.problems();
+    problems.extend(options.problems());
     if problems.is_empty() {
-        return Ok(scene);
+        return Ok((scene, options));
     }
     let findings = problems
         .iter()
@@ -343,10 +348,15 @@ fn settings(entry: SimulationEntry) -> Settings {
         tangent: entry.tangent.map(|named| named.0),
         step,
         duration: entry.duration.map_or(default.duration, |real| real.0),
-        threads: default.threads,
-        skip: default.skip,
-        rescue: entry.rescue,
-        sleep: entry.sleep.map(|real| real.0),
-        solution: entry.solution.map_or(default.solution, |named| named.0),
     }
+}
+
+fn options(entry: &SimulationEntry) -> RunOptions {
+    let mut options = RunOptions::default();
+    if let Some(named) = &entry.solution {
+        options.linear_tolerance = named.0;
+    }
+    options.sleep = entry.sleep.map(|real| real.0);
+    options.substeps = entry.rescue;
+    options
 }

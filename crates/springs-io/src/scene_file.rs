@@ -87,7 +87,7 @@ pub(crate) struct SimulationEntry {
     pub(crate) step: Option<Real>,
     pub(crate) tolerance: Option<Real>,
     pub(crate) duration: Option<Real>,
-    pub(crate) solution: Option<Named<springs_scene::Solution>>,
+    pub(crate) solution: Option<Named<springs_scene::LinearTolerance>>,
     pub(crate) sleep: Option<Real>,
     #[serde(default)]
     pub(crate) rescue: bool,

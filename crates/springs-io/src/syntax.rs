@@ -8,7 +8,7 @@
 use crate::locate::{Place, Walker, place_of};
 use crate::read::Finding;
 use crate::scene_file::{SceneFile, VERSION};
-use springs_scene::{Method, Solution, Tangent};
+use springs_scene::{LinearTolerance, Method, Tangent};
 use std::str::FromStr;
 
 /// The first fault of a text that the RON reader refused with `error`.
@@ -286,7 +286,9 @@ fn named(field: &str, name: &str) -> Option<&'static str> {
     match field {
         "method" => Method::from_str(name).ok().map(Method::name),
         "tangent" => Tangent::from_str(name).ok().map(Tangent::name),
-        "solution" => Solution::from_str(name).ok().map(Solution::name),
+        "solution" => LinearTolerance::from_str(name)
+            .ok()
+            .map(LinearTolerance::name),
         _ => None,
     }
 }

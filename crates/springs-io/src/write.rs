@@ -3,25 +3,25 @@
 use crate::atomic::{Draft, WriteError};
 use crate::scene_file::VERSION;
 use nalgebra::Vector3;
-use springs_scene::{Load, Method, OverTime, Scene, Solution, StepControl};
+use springs_scene::{LinearTolerance, Load, Method, OverTime, RunOptions, Scene, StepControl};
 use std::fmt::Write as _;
 use std::io::{self, Write};
 use std::path::Path;
 
 /// The text of a scene file, one node and one spring a line. Reading it gives
-/// the same scene, bit for bit.
+/// the same scene and options, bit for bit; threads and skipping are not in files.
 ///
 /// # Panics
 ///
 /// If the scene holds a number that is not finite, which no file can.
-pub fn scene_to_string(scene: &Scene) -> String {
+pub fn scene_to_string(scene: &Scene, options: &RunOptions) -> String {
     let mut text = Vec::new();
-    write_text(scene, &mut text).expect("writing to memory");
+    write_text(scene, options, &mut text).expect("writing to memory");
     String::from_utf8(text).expect("all that is written is text")
 }
 
 /// Writes the text piece by piece, so that it never is in memory as a whole.
-fn write_text(scene: &Scene, text: &mut dyn Write) -> io::Result<()> {
+fn write_text(scene: &Scene, options: &RunOptions, text: &mut dyn Write) -> io::Result<()> {
     writeln!(text, "Scene(\n    version: {VERSION},")?;
     if !scene.name.is_empty() {
         let quoted = ron::to_string(&scene.name).expect("a string");
@@ -73,13 +73,13 @@ fn write_text(scene: &Scene, text: &mut dyn Write) -> io::Result<()> {
         }
     }
     fields += &format!("duration: {}", number(settings.duration));
-    if settings.solution != Solution::Sufficient {
-        fields += &format!(", solution: {}", settings.solution.name());
+    if options.linear_tolerance != LinearTolerance::Sufficient {
+        fields += &format!(", solution: {}", options.linear_tolerance.name());
     }
-    if let Some(sleep) = settings.sleep {
+    if let Some(sleep) = options.sleep {
         fields += &format!(", sleep: {}", number(sleep));
     }
-    if settings.rescue {
+    if options.substeps {
         fields += ", rescue: true";
     }
     writeln!(text, "    simulation: ({fields}),\n)")
@@ -90,9 +90,9 @@ fn write_text(scene: &Scene, text: &mut dyn Write) -> io::Result<()> {
 /// # Errors
 ///
 /// If the file cannot be written.
-pub fn write_scene(path: &Path, scene: &Scene) -> Result<(), WriteError> {
+pub fn write_scene(path: &Path, scene: &Scene, options: &RunOptions) -> Result<(), WriteError> {
     let mut draft = Draft::begin(path)?;
-    draft.write_by(|text| write_text(scene, text))?;
+    draft.write_by(|text| write_text(scene, options, text))?;
     draft.finish()
 }
 

@@ -35,5 +35,7 @@ pub use load::{Load, OverTime};
 pub use nalgebra::Vector3;
 pub use problems::{Path, Problem};
 pub use scene::{Node, Scene, Spring};
-pub use settings::{Method, Settings, Solution, StepControl, Tangent, UnknownName};
+pub use settings::{
+    LinearTolerance, Method, RunOptions, Settings, StepControl, Tangent, UnknownName,
+};
 pub use text::{printable, printable_within};

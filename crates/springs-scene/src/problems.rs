@@ -1,6 +1,6 @@
 //! What can be wrong with a scene, all of it at once.
 
-use crate::{Load, Node, OverTime, Scene, StepControl};
+use crate::{Load, Node, OverTime, RunOptions, Scene, StepControl};
 use std::fmt;
 
 /// A place in a scene: `nodes[2].mass`, `gravity`, `simulation.step`.
@@ -231,6 +231,17 @@ fn available(nodes: usize) -> String {
     }
 }
 
+impl RunOptions {
+    /// What keeps a scene from being run with them; empty if nothing does.
+    pub fn problems(&self) -> Vec<Problem> {
+        let mut problems = Problems(Vec::new());
+        if let Some(sleep) = self.sleep {
+            problems.positive(Path::Simulation("sleep"), sleep);
+        }
+        problems.0
+    }
+}
+
 impl Scene {
     /// Everything that keeps the scene from being simulated, in the order of
     /// the scene; empty if nothing does.
@@ -288,9 +299,6 @@ impl Scene {
             StepControl::Tolerance(tolerance) => {
                 problems.positive(Path::Simulation("tolerance"), tolerance);
             }
-        }
-        if let Some(sleep) = self.settings.sleep {
-            problems.positive(Path::Simulation("sleep"), sleep);
         }
         problems.not_negative(Path::Simulation("duration"), self.settings.duration);
         if problems.0.is_empty() {

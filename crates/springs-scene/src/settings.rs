@@ -15,20 +15,6 @@ pub struct Settings {
     pub step: StepControl,
     /// Simulated time, in s.
     pub duration: f64,
-    /// Threads that may be used; 0: as many as the machine has. No result
-    /// depends on it.
-    pub threads: usize,
-    /// How precisely linear systems are solved where they are solved by
-    /// iteration.
-    pub solution: Solution,
-    /// Whether what a scene does not need is left out. Results are the same up
-    /// to rounding.
-    pub skip: bool,
-    /// Parts of the scene that can move no further than this, in m, before they
-    /// come to rest are put to sleep; `None`: only what is exactly at rest.
-    pub sleep: Option<f64>,
-    /// Whether a step of fixed size that cannot be made is made in shorter ones.
-    pub rescue: bool,
 }
 
 impl Default for Settings {
@@ -38,11 +24,71 @@ impl Default for Settings {
             tangent: None,
             step: StepControl::Auto,
             duration: 1.0,
+        }
+    }
+}
+
+/// How a scene is run: nothing of it belongs to what is simulated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct RunOptions {
+    /// Threads that may be used; 0: as many as the machine has. No result
+    /// depends on it.
+    pub threads: usize,
+    /// How precisely linear systems are solved where they are solved by
+    /// iteration.
+    pub linear_tolerance: LinearTolerance,
+    /// Whether what a scene does not need is left out. Results are the same up
+    /// to rounding.
+    pub skip: bool,
+    /// Parts of the scene that can move no further than this, in m, before they
+    /// come to rest are put to sleep; `None`: only what is exactly at rest.
+    pub sleep: Option<f64>,
+    /// Whether a step of fixed size that cannot be made is made in shorter ones.
+    pub substeps: bool,
+}
+
+impl RunOptions {
+    /// The same with so many threads; 0: as many as the machine has.
+    pub fn with_threads(self, threads: usize) -> Self {
+        Self { threads, ..self }
+    }
+
+    /// The same with linear systems solved so precisely.
+    pub fn with_linear_tolerance(self, linear_tolerance: LinearTolerance) -> Self {
+        Self {
+            linear_tolerance,
+            ..self
+        }
+    }
+
+    /// The same with or without what a scene does not need.
+    pub fn with_skip(self, skip: bool) -> Self {
+        Self { skip, ..self }
+    }
+
+    /// The same with parts asleep that can move no further than this, in m.
+    pub fn with_sleep(self, reach: f64) -> Self {
+        Self {
+            sleep: Some(reach),
+            ..self
+        }
+    }
+
+    /// The same with or without shorter steps in place of those that fail.
+    pub fn with_substeps(self, substeps: bool) -> Self {
+        Self { substeps, ..self }
+    }
+}
+
+impl Default for RunOptions {
+    fn default() -> Self {
+        Self {
             threads: 0,
-            solution: Solution::Sufficient,
+            linear_tolerance: LinearTolerance::Sufficient,
             skip: true,
             sleep: None,
-            rescue: false,
+            substeps: false,
         }
     }
 }
@@ -165,7 +211,7 @@ named! {
 named! {
     /// How precisely linear systems are solved where they are solved by
     /// iteration; direct solutions are always right to rounding.
-    Solution, "solution" {
+    LinearTolerance, "solution" {
         /// So that what is left is a small part of the error of the method.
         Sufficient = "sufficient",
         /// To 1e-11, as if solved directly.

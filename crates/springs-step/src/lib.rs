@@ -30,6 +30,7 @@ mod ledger;
 mod method;
 mod run;
 mod state;
+mod threads;
 mod work;
 
 pub use anchors::Anchors;

@@ -20,7 +20,8 @@ pub(crate) struct CheckArguments {
 pub(crate) fn check(arguments: &CheckArguments) -> anyhow::Result<Ending> {
     let source = arguments.scene.load()?;
     let scene = &source.scene;
-    let islands = Islands::new(scene).map_err(|error| source.advised(&error))?;
+    let islands =
+        Islands::with_options(scene, &source.options).map_err(|error| source.advised(&error))?;
     let skipped = skipped(scene, &islands);
     let suspicious = suspicious(scene, &islands);
     let largest = islands.largest().simulation();
@@ -135,10 +136,11 @@ pub(crate) fn check(arguments: &CheckArguments) -> anyhow::Result<Ending> {
         let simulation = part.simulation();
         // One for the steps, one to find out whether the part is at rest.
         let may_solve = simulation.needs_trials() || simulation.choice().has_matrix();
-        let solvers = u64::from(may_solve) + u64::from(scene.settings.sleep.is_some());
+        let solvers = u64::from(may_solve) + u64::from(source.options.sleep.is_some());
         if solvers > 0 {
             let system = simulation.stepper().system();
-            let bytes_each = solver_memory(system).context("the solver cannot be sized")?;
+            let bytes_each = solver_memory(system, &simulation.choice().options);
+            let bytes_each = bytes_each.context("the solver cannot be sized")?;
             bytes += solvers * bytes_each;
         }
     }

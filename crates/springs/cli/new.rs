@@ -3,7 +3,7 @@
 use super::{Advised, Ending, print};
 use springs::io::scene_to_string;
 use springs::scene::generate::{self, Material};
-use springs::scene::{Method, Scene, StepControl, Vector3};
+use springs::scene::{Method, RunOptions, Scene, StepControl, Vector3};
 
 #[derive(clap::Args)]
 pub(crate) struct NewArguments {
@@ -160,6 +160,6 @@ pub(crate) fn new(arguments: &NewArguments) -> anyhow::Result<Ending> {
         }
         .into());
     }
-    print(&scene_to_string(&scene))?;
+    print(&scene_to_string(&scene, &RunOptions::default()))?;
     Ok(Ending::Done)
 }

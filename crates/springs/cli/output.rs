@@ -5,7 +5,7 @@ use springs::io::{
     ContinueError, Report, RunEnd, RunPlan, WriteError, part_name, remove_drafts, try_to_write,
     write_report, write_scene,
 };
-use springs::scene::Scene;
+use springs::scene::{RunOptions, Scene};
 use springs::sinks::{Marks, SINKS, Sinks};
 use springs::step::{Account, Frame};
 use std::fs::{File, TryLockError};
@@ -212,10 +212,14 @@ impl Output {
     }
 
     /// Completes everything but the report; says which files there are then.
-    pub(crate) fn finish(&mut self, end: &RunEnd<'_>) -> Result<Vec<&'static str>, Unwritten> {
+    pub(crate) fn finish(
+        &mut self,
+        end: &RunEnd<'_>,
+        options: &RunOptions,
+    ) -> Result<Vec<&'static str>, Unwritten> {
         // The folder may have been removed on the way.
         make_folder(&self.folder)?;
-        write_scene(&self.folder.join(SCENE), end.scene)?;
+        write_scene(&self.folder.join(SCENE), end.scene, options)?;
         let mut written = vec![SCENE, REPORT];
         written.extend(self.sinks.finish(end)?);
         Ok(written)
@@ -240,12 +244,17 @@ impl Output {
 
     /// Writes the final scene and the report as far as there is room, after
     /// something else could not be written. Says which files are there.
-    pub(crate) fn save_what_fits(&mut self, last: &Scene, report: &Report) -> Vec<String> {
+    pub(crate) fn save_what_fits(
+        &mut self,
+        last: &Scene,
+        options: &RunOptions,
+        report: &Report,
+    ) -> Vec<String> {
         // The folder may have been removed on the way.
         let _ = make_folder(&self.folder);
         let (mut saved, _) = self.sinks.keep();
         saved.retain(|name| self.folder.join(name).exists());
-        if write_scene(&self.folder.join(SCENE), last).is_ok() {
+        if write_scene(&self.folder.join(SCENE), last, options).is_ok() {
             saved.push(SCENE.to_owned());
         }
         if self.report(report).is_ok() {

@@ -12,7 +12,7 @@ use springs::io::{
     parse_scene, read_checkpoint, scene_to_string, write_checkpoint,
 };
 use springs::report::{self, Timings, TurnedOver, report};
-use springs::scene::Scene;
+use springs::scene::{RunOptions, Scene};
 use springs::sinks::{Marks, SINKS};
 use springs::solver::Interrupt;
 use springs::step::{Account, Frame, Islands, Observer, Outcome, Patience, StepError};
@@ -134,6 +134,7 @@ impl About {
 /// A run on its way.
 struct Run {
     scene: Scene,
+    options: RunOptions,
     islands: Islands,
     folder: PathBuf,
     intervals: usize,
@@ -159,7 +160,8 @@ pub(crate) fn run(arguments: &RunArguments) -> anyhow::Result<Ending> {
     };
     Output::check(&folder, arguments.scene.path(), arguments.force)?;
     let source = arguments.scene.load()?;
-    let islands = Islands::new(&source.scene).map_err(|error| source.advised(&error))?;
+    let islands = Islands::with_options(&source.scene, &source.options)
+        .map_err(|error| source.advised(&error))?;
     let intervals = match arguments.frames {
         Some(frames) => frames as usize,
         None => default_intervals(&source.scene),
@@ -168,6 +170,7 @@ pub(crate) fn run(arguments: &RunArguments) -> anyhow::Result<Ending> {
         trials_before: Duration::ZERO,
         turned_over: TurnedOver::default(),
         scene: source.scene,
+        options: source.options,
         islands,
         folder,
         intervals,
@@ -225,10 +228,11 @@ pub(crate) fn resume(arguments: &ResumeArguments) -> anyhow::Result<Ending> {
         let why = format!("springs {found} wrote it, and this is {version}");
         return Err(foreign(&path, &why).into());
     }
-    let mut scene = parse_scene(&path.display().to_string(), &about.scene)?;
-    scene.settings.skip = about.skip;
-    scene.settings.threads = arguments.threads.map_or(0, at_most_useful);
-    let mut islands = Islands::new(&scene).map_err(|error| foreign(&path, &error.to_string()))?;
+    let (scene, mut options) = parse_scene(&path.display().to_string(), &about.scene)?;
+    options.skip = about.skip;
+    options.threads = arguments.threads.map_or(0, at_most_useful);
+    let mut islands = Islands::with_options(&scene, &options)
+        .map_err(|error| foreign(&path, &error.to_string()))?;
     islands
         .restore(words)
         .map_err(|error| foreign(&path, &error.to_string()))?;
@@ -239,6 +243,7 @@ pub(crate) fn resume(arguments: &ResumeArguments) -> anyhow::Result<Ending> {
         trials_before: islands.trial_time(),
         turned_over: TurnedOver(about.turned_over),
         scene,
+        options,
         islands,
         folder: folder.clone(),
         intervals: about.intervals,
@@ -400,10 +405,13 @@ impl Run {
         }
         let writing = Instant::now();
         self.at_the_end = Some(watcher.output.marks());
-        let written = watcher.output.finish(&RunEnd {
-            scene: &self.last(),
-            time: self.islands.time(),
-        })?;
+        let written = watcher.output.finish(
+            &RunEnd {
+                scene: &self.last(),
+                time: self.islands.time(),
+            },
+            &self.options,
+        )?;
         watcher.writing += writing.elapsed();
         let report = self.report(watcher, ending);
         watcher.output.report(&report)?;
@@ -440,7 +448,8 @@ impl Run {
         let marks = at_the_end.unwrap_or_else(|| watcher.output.marks());
         let report = self.report(watcher, report::Ending::Interrupted);
         self.turned_over = watcher.turned_over;
-        let mut saved = watcher.output.save_what_fits(&self.last(), &report);
+        let (last, options) = (self.last(), &self.options);
+        let mut saved = watcher.output.save_what_fits(&last, options, &report);
         let can_go_on = marks.check(&self.folder, &self.plan()).is_ok();
         if can_go_on && self.write_checkpoint(marks).is_ok() {
             watcher.output.checkpoint_written();
@@ -505,8 +514,8 @@ impl Run {
         let path = self.folder.join(CHECKPOINT);
         let about = About {
             springs_version: env!("CARGO_PKG_VERSION").to_owned(),
-            scene: scene_to_string(&self.scene),
-            skip: self.scene.settings.skip,
+            scene: scene_to_string(&self.scene, &self.options),
+            skip: self.options.skip,
             intervals: self.intervals,
             every: self.every,
             outputs,

@@ -3,7 +3,9 @@
 use super::Advised;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use springs::io::{Finding, SceneError, parse_scene, read_text};
-use springs::scene::{Method, Path as ScenePath, Scene, Solution, StepControl, Tangent};
+use springs::scene::{
+    LinearTolerance, Method, Path as ScenePath, RunOptions, Scene, StepControl, Tangent,
+};
 use springs::step::SetupError;
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -37,7 +39,7 @@ pub(crate) struct SceneArguments {
     duration: Option<f64>,
     /// How precisely linear systems are solved by iteration: sufficient, strict
     #[arg(long, value_name = "HOW")]
-    solution: Option<Solution>,
+    solution: Option<LinearTolerance>,
     /// Make steps that fail in shorter ones
     #[arg(long)]
     rescue: bool,
@@ -165,7 +167,7 @@ impl SceneArguments {
             }
         };
         let text = text.map_err(advised)?;
-        let mut scene = parse_scene(&file, &text).map_err(advised)?;
+        let (mut scene, mut options) = parse_scene(&file, &text).map_err(advised)?;
         let settings = &mut scene.settings;
         if let Some(method) = self.method {
             // The tangent in the file was meant for the method there.
@@ -173,11 +175,6 @@ impl SceneArguments {
             settings.tangent = None;
         }
         settings.tangent = self.tangent.or(settings.tangent);
-        settings.sleep = self.sleep.or(settings.sleep);
-        settings.rescue |= self.rescue;
-        settings.skip = !self.no_skip;
-        settings.solution = self.solution.unwrap_or(settings.solution);
-        settings.threads = self.threads.map_or(settings.threads, at_most_useful);
         settings.duration = self.duration.unwrap_or(settings.duration);
         if let Some(step) = self.step {
             settings.step = StepControl::Fixed(step);
@@ -185,10 +182,17 @@ impl SceneArguments {
         if let Some(tolerance) = self.tolerance {
             settings.step = StepControl::Tolerance(tolerance);
         }
+        options.sleep = self.sleep.or(options.sleep);
+        options.substeps |= self.rescue;
+        options.skip = !self.no_skip;
+        options.linear_tolerance = self.solution.unwrap_or(options.linear_tolerance);
+        options.threads = self.threads.map_or(options.threads, at_most_useful);
         // The file was sound, so only what the command line said can be wrong.
-        match scene.problems().first() {
+        let problems = scene.problems().into_iter().chain(options.problems());
+        match problems.into_iter().next() {
             None => Ok(Source {
                 scene,
+                options,
                 file,
                 text,
                 replaced: self.replaced(),
@@ -212,6 +216,7 @@ pub(crate) fn at_most_useful(threads: u32) -> usize {
 /// A scene and the text it came from.
 pub(crate) struct Source {
     pub(crate) scene: Scene,
+    pub(crate) options: RunOptions,
     file: String,
     text: String,
     /// Fields of `simulation` that come from the command line.

@@ -98,6 +98,7 @@ pub(crate) fn study_command(arguments: &StudyArguments) -> anyhow::Result<Ending
     let mut options = Options {
         repeats: arguments.repeats as usize,
         command: format!("springs run {}", arguments.scene.words().join(" ")),
+        run: source.options,
         ..Options::default()
     };
     if !arguments.methods.is_empty() {

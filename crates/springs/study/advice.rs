@@ -1,10 +1,8 @@
 //! Which run to recommend for which error.
 
-use super::reference::with;
-use super::run::{Clock, least_seconds};
+use super::run::{Case, Clock, least_seconds};
 use super::{Options, Setting, Study, StudyError, Trial};
 use serde::Serialize;
-use springs_scene::Scene;
 
 /// The quickest run that stays below an error.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -128,7 +126,7 @@ pub(super) fn advice(study: &Study, command: &str) -> Vec<Advice> {
 /// Measures all runs that may be recommended again, in rounds, so that each is
 /// measured at several times; the least time counts.
 pub(super) fn measure_again(
-    scene: &Scene,
+    case: &Case,
     options: &Options,
     study: &mut Study,
     clock: &mut Clock<'_>,
@@ -155,8 +153,8 @@ pub(super) fn measure_again(
                 return Ok(());
             }
             let method = trial.method.parse().expect("the name of a method");
-            let scene = with(scene, method, trial.setting.control());
-            let supervised = clock.supervise(1.0, |interrupt| least_seconds(&scene, interrupt))?;
+            let case = case.with(method, trial.setting.control());
+            let supervised = clock.supervise(1.0, |interrupt| least_seconds(&case, interrupt))?;
             if supervised.result.is_finite() {
                 trial.seconds = trial.seconds.min(supervised.result);
                 trial.repeats += 1;

@@ -32,10 +32,10 @@ pub use stability::{
 pub use sweep::{MethodSummary, Setting, SweepEnd, Trial};
 pub use words::{csv, method_notes, recommendations, reference_csv, reference_note, table};
 
-use run::Clock;
+use run::{Case, Clock};
 use serde::Serialize;
 use springs_assembly::compile;
-use springs_scene::{Method, Scene};
+use springs_scene::{Method, RunOptions, Scene};
 use springs_step::SetupError;
 use std::ops::ControlFlow;
 use std::time::Duration;
@@ -52,6 +52,8 @@ pub struct Options {
     pub repeats: usize,
     /// What a recommended command begins with.
     pub command: String,
+    /// How all of them are run.
+    pub run: RunOptions,
 }
 
 impl Default for Options {
@@ -63,6 +65,7 @@ impl Default for Options {
             budget: Duration::from_secs(30),
             repeats: 3,
             command: "springs run SCENE.ron".to_owned(),
+            run: RunOptions::default(),
         }
     }
 }
@@ -156,8 +159,12 @@ pub fn study(
         return Err(StudyError::NoDuration(duration));
     }
     compile(scene).map_err(SetupError::from)?;
+    let case = &Case {
+        scene: scene.clone(),
+        options: options.run,
+    };
     let mut clock = Clock::new(options.budget, watch);
-    let (reference, frames) = reference::make(scene, &mut clock)?;
+    let (reference, frames) = reference::make(case, &mut clock)?;
     let mut study = Study {
         scene: scene.name.clone(),
         duration,
@@ -168,8 +175,8 @@ pub fn study(
         advice: Vec::new(),
         interrupted: false,
     };
-    sweep::run(scene, options, &frames, &mut study, &mut clock)?;
-    advice::measure_again(scene, options, &mut study, &mut clock)?;
+    sweep::run(case, options, &frames, &mut study, &mut clock)?;
+    advice::measure_again(case, options, &mut study, &mut clock)?;
     study.advice = advice::advice(&study, &options.command);
     Ok(study)
 }

@@ -1,6 +1,6 @@
 //! The solution that errors are measured against.
 
-use super::run::{Clock, FRAMES, NoRun, Run, distance, recorded};
+use super::run::{Case, Clock, FRAMES, NoRun, Run, distance, recorded};
 use super::{StudyError, run};
 use nalgebra::Vector3;
 use serde::Serialize;
@@ -66,16 +66,13 @@ pub(super) type Frames = Vec<Vec<Vector3<f64>>>;
 /// solution is the reference. It is compared with the one before it, and with an
 /// extrapolation of another method (see [`compare`]); its uncertainty is its
 /// distance from the one that is further.
-pub(super) fn make(
-    scene: &Scene,
-    clock: &mut Clock<'_>,
-) -> Result<(Reference, Frames), StudyError> {
-    let (mut method, mut ladder) = (Method::Dop853, refine(scene, Method::Dop853, clock)?);
+pub(super) fn make(case: &Case, clock: &mut Clock<'_>) -> Result<(Reference, Frames), StudyError> {
+    let (mut method, mut ladder) = (Method::Dop853, refine(case, Method::Dop853, clock)?);
     // Failures of the explicit method mean little: its steps may have to be too
     // short to get anywhere.
     if ladder.solutions.len() < 2 {
         method = Method::TrBdf2;
-        ladder = refine(scene, method, clock)?;
+        ladder = refine(case, method, clock)?;
     }
     let Some(best) = ladder.solutions.pop_back() else {
         return Err(ladder.why(method));
@@ -90,7 +87,7 @@ pub(super) fn make(
         with: format!("{method} at {:.0e} m", solution.tolerance),
     });
     let enough = before.as_ref().map_or(0.0, |before| before.distance);
-    let other = compare(scene, method, &positions, enough.max(rounding), clock)?;
+    let other = compare(case, method, &positions, enough.max(rounding), clock)?;
     let further = [before, other]
         .into_iter()
         .flatten()
@@ -98,9 +95,9 @@ pub(super) fn make(
     let Some(further) = further else {
         return Err(ladder.why(method));
     };
-    let start: Vec<_> = scene.nodes.iter().map(|node| node.position).collect();
+    let start: Vec<_> = case.scene.nodes.iter().map(|node| node.position).collect();
     let uncertainty = further.distance.max(rounding);
-    let motion = motion(scene, &best.frames, uncertainty);
+    let motion = motion(&case.scene, &best.frames, uncertainty);
     let reference = Reference {
         method: method.to_string(),
         tolerance: best.tolerance,
@@ -138,7 +135,7 @@ impl Ladder {
     }
 }
 
-fn refine(scene: &Scene, method: Method, clock: &mut Clock<'_>) -> Result<Ladder, StudyError> {
+fn refine(case: &Case, method: Method, clock: &mut Clock<'_>) -> Result<Ladder, StudyError> {
     let mut ladder = Ladder {
         solutions: VecDeque::new(),
         failure: None,
@@ -149,10 +146,10 @@ fn refine(scene: &Scene, method: Method, clock: &mut Clock<'_>) -> Result<Ladder
             Method::Dop853 => EXPLICIT_SHARE,
             _ => IMPLICIT_SHARE,
         };
-        let tolerance = fraction * size_of(scene);
+        let tolerance = fraction * size_of(&case.scene);
         let what = format!("reference: {method} at {tolerance:.0e} m");
-        let scene = with(scene, method, StepControl::Tolerance(tolerance));
-        match solve(&scene, &what, share, clock)? {
+        let case = case.with(method, StepControl::Tolerance(tolerance));
+        match solve(&case, &what, share, clock)? {
             Ok(run) => {
                 // Two at most are compared.
                 if ladder.solutions.len() == 2 {
@@ -178,19 +175,10 @@ pub(super) fn size_of(scene: &Scene) -> f64 {
     }
 }
 
-/// The scene with another method, in its own tangent.
-pub(super) fn with(scene: &Scene, method: Method, step: StepControl) -> Scene {
-    let mut scene = scene.clone();
-    scene.settings.method = method;
-    scene.settings.tangent = None;
-    scene.settings.step = step;
-    scene
-}
-
 /// A run within a share of the budget; otherwise why there is none, unless it
 /// was the budget.
 fn solve(
-    scene: &Scene,
+    case: &Case,
     what: &str,
     share: f64,
     clock: &mut Clock<'_>,
@@ -201,7 +189,7 @@ fn solve(
     if clock.fraction() >= share {
         return Ok(Err(None));
     }
-    let supervised = clock.supervise(share, |interrupt| recorded(scene, interrupt))?;
+    let supervised = clock.supervise(share, |interrupt| recorded(case, interrupt))?;
     if supervised.is_interrupted {
         return Err(StudyError::Stopped);
     }
@@ -232,16 +220,16 @@ const MOST_COLUMNS: usize = 6;
 /// Beside DOP853 that is velocity Verlet; beside TR-BDF2 implicit midpoint or,
 /// for massless nodes, which that one leaves ringing, implicit Euler.
 fn compare(
-    scene: &Scene,
+    case: &Case,
     reference: Method,
     positions: &[Vector3<f64>],
     enough: f64,
     clock: &mut Clock<'_>,
 ) -> Result<Option<Compared>, StudyError> {
-    let masses = scene.node_masses();
-    let mut nodes = scene.nodes.iter().zip(&masses);
+    let masses = case.scene.node_masses();
+    let mut nodes = case.scene.nodes.iter().zip(&masses);
     let has_massless = nodes.any(|(node, mass)| !node.fixed && *mass <= 0.0);
-    let is_damped = scene.springs.iter().any(|spring| spring.damping > 0.0);
+    let is_damped = case.scene.springs.iter().any(|spring| spring.damping > 0.0);
     // Powers of the step in the error: even ones only of symmetric methods.
     let (method, first, stride) = match reference {
         Method::Dop853 if is_damped => (Method::VelocityVerlet, 2, 1),
@@ -254,10 +242,10 @@ fn compare(
     for doubling in 0..DOUBLINGS {
         let n_steps = FEWEST_STEPS << doubling;
         let what = format!("comparison of the reference: {method} in {n_steps} steps");
-        let step = scene.settings.duration / n_steps as f64;
-        let mut scene = with(scene, method, StepControl::Fixed(step));
-        scene.settings.skip = false;
-        let run = match solve(&scene, &what, SHARE, clock)? {
+        let step = case.scene.settings.duration / n_steps as f64;
+        let mut case = case.with(method, StepControl::Fixed(step));
+        case.options.skip = false;
+        let run = match solve(&case, &what, SHARE, clock)? {
             Ok(run) => run,
             // The budget.
             Err(None) => break,

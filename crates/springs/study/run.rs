@@ -2,9 +2,9 @@
 
 use super::{Progress, StudyError};
 use nalgebra::Vector3;
-use springs_scene::Scene;
+use springs_scene::{Method, RunOptions, Scene, StepControl};
 use springs_solver::Interrupt;
-use springs_step::{Frame, Islands, Observer, Outcome, SetupError, StepError};
+use springs_step::{Frame, Islands, Observer, Outcome, SetupError, Simulation, StepError};
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -118,20 +118,44 @@ pub(super) enum NoRun {
     Stopped,
 }
 
+/// A scene and how it is run.
+#[derive(Clone)]
+pub(super) struct Case {
+    pub(super) scene: Scene,
+    pub(super) options: RunOptions,
+}
+
+impl Case {
+    /// The same with another method, in its own tangent.
+    pub(super) fn with(&self, method: Method, step: StepControl) -> Self {
+        let mut case = self.clone();
+        let settings = &mut case.scene.settings;
+        settings.method = method;
+        settings.tangent = None;
+        settings.step = step;
+        case
+    }
+
+    /// It in one part.
+    pub(super) fn simulation(&self) -> Result<Simulation, SetupError> {
+        Simulation::with_options(&self.scene, &self.options)
+    }
+}
+
 /// Runs a scene and records where its nodes were.
-pub(super) fn recorded(scene: &Scene, interrupt: &Interrupt) -> Result<Run, NoRun> {
-    simulate(scene, FRAMES, interrupt)
+pub(super) fn recorded(case: &Case, interrupt: &Interrupt) -> Result<Run, NoRun> {
+    simulate(case, FRAMES, interrupt)
 }
 
 /// Runs a scene without looking at it.
-pub(super) fn timed(scene: &Scene, interrupt: &Interrupt) -> Result<Run, NoRun> {
-    simulate(scene, 0, interrupt)
+pub(super) fn timed(case: &Case, interrupt: &Interrupt) -> Result<Run, NoRun> {
+    simulate(case, 0, interrupt)
 }
 
 /// `intervals` of zero record nothing.
-fn simulate(scene: &Scene, intervals: usize, interrupt: &Interrupt) -> Result<Run, NoRun> {
+fn simulate(case: &Case, intervals: usize, interrupt: &Interrupt) -> Result<Run, NoRun> {
     let begin = Instant::now();
-    let mut islands = Islands::new(scene).map_err(NoRun::Refused)?;
+    let mut islands = Islands::with_options(&case.scene, &case.options).map_err(NoRun::Refused)?;
     islands.set_interrupt(interrupt);
     let mut recorder = Recorder { frames: Vec::new() };
     let outcome = match intervals {
@@ -168,10 +192,10 @@ const LEAST: f64 = 5e-3;
 
 /// The least time of a run, in s, in this thread; infinite if it was stopped. Of
 /// short runs the first one, which warms up, hardly ever is the least.
-pub(super) fn least_seconds(scene: &Scene, interrupt: &Interrupt) -> f64 {
+pub(super) fn least_seconds(case: &Case, interrupt: &Interrupt) -> f64 {
     let (mut least, mut sum) = (f64::INFINITY, 0.0);
     while sum < LEAST {
-        match timed(scene, interrupt) {
+        match timed(case, interrupt) {
             Ok(run) => {
                 sum += run.seconds;
                 least = least.min(run.seconds);

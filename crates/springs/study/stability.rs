@@ -1,7 +1,6 @@
 //! What becomes of a scene at any step size and stiffness.
 
-use super::reference::with;
-use super::run::Clock;
+use super::run::{Case, Clock};
 use super::{Options, Progress, StudyError};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -9,7 +8,7 @@ use serde::Serialize;
 use springs_assembly::{Energy, compile};
 use springs_scene::{Method, Scene, StepControl, printable};
 use springs_solver::Interrupt;
-use springs_step::{Cause, Outcome, SetupError, Simulation};
+use springs_step::{Cause, Outcome, SetupError};
 use std::fmt::Write as _;
 use std::ops::ControlFlow;
 
@@ -78,6 +77,10 @@ pub fn stability(
         return Err(StudyError::NoDuration(duration));
     }
     compile(scene).map_err(SetupError::from)?;
+    let case = Case {
+        scene: scene.clone(),
+        options: options.run,
+    };
     let mut clock = Clock::new(options.budget, watch);
     let mut map = StabilityMap {
         scene: scene.name.clone(),
@@ -87,7 +90,7 @@ pub fn stability(
     };
     let mut methods = Vec::new();
     for &method in &options.methods {
-        match Simulation::new(&with(scene, method, StepControl::Fixed(duration))) {
+        match case.with(method, StepControl::Fixed(duration)).simulation() {
             Ok(_) => methods.push(method),
             Err(error) => map.refused.push((method.to_string(), error.to_string())),
         }
@@ -95,7 +98,7 @@ pub fn stability(
     if methods.is_empty() {
         return Err(StudyError::AllRefused(map.refused));
     }
-    fill(scene, &methods, &mut map, &mut clock)?;
+    fill(&case, &methods, &mut map, &mut clock)?;
     match (map.trials.is_empty(), map.interrupted) {
         (false, _) => Ok(map),
         (true, true) => Err(StudyError::Stopped),
@@ -105,16 +108,16 @@ pub fn stability(
 
 /// Makes the runs until the budget is used up or the user stops them.
 fn fill(
-    scene: &Scene,
+    case: &Case,
     methods: &[Method],
     map: &mut StabilityMap,
     clock: &mut Clock<'_>,
 ) -> Result<(), StudyError> {
     for halving in 0..HALVINGS {
-        let step = scene.settings.duration / (FEWEST_STEPS * 2f64.powi(halving));
+        let step = case.scene.settings.duration / (FEWEST_STEPS * 2f64.powi(halving));
         for &method in methods {
             let what = format!("{method} in steps of {step:.1e} s");
-            let scene = with(scene, method, StepControl::Fixed(step));
+            let case = case.with(method, StepControl::Fixed(step));
             for stiffness_factor in DECADES.map(|decade| 10f64.powi(decade)) {
                 if clock.tell(&what).is_break() {
                     map.interrupted = true;
@@ -123,11 +126,11 @@ fn fill(
                 if clock.fraction() > 1.0 {
                     return Ok(());
                 }
-                let mut scene = scene.clone();
-                for spring in &mut scene.springs {
+                let mut case = case.clone();
+                for spring in &mut case.scene.springs {
                     spring.stiffness *= stiffness_factor;
                 }
-                let supervised = clock.supervise(1.0, |interrupt| fate(&scene, interrupt))?;
+                let supervised = clock.supervise(1.0, |interrupt| fate(&case, interrupt))?;
                 map.interrupted |= supervised.is_interrupted;
                 let Some(fate) = supervised.result else {
                     return Ok(());
@@ -145,8 +148,8 @@ fn fill(
 }
 
 /// `None` if it was stopped.
-fn fate(scene: &Scene, interrupt: &Interrupt) -> Option<Fate> {
-    let mut simulation = match Simulation::new(scene) {
+fn fate(case: &Case, interrupt: &Interrupt) -> Option<Fate> {
+    let mut simulation = match case.simulation() {
         Ok(simulation) => simulation,
         Err(_) => return Some(Fate::Failed),
     };

@@ -1,7 +1,7 @@
 //! The runs that are compared.
 
-use super::reference::{Frames, TOLD_APART, size_of, with};
-use super::run::{Clock, FRAMES, NoRun, Run, distance, least_seconds, recorded};
+use super::reference::{Frames, TOLD_APART, size_of};
+use super::run::{Case, Clock, FRAMES, NoRun, Run, distance, least_seconds, recorded};
 use super::{Options, Study, StudyError};
 use serde::Serialize;
 use springs_scene::{Method, Scene, StepControl};
@@ -113,7 +113,7 @@ struct Sweep {
 /// that has taken the least time so far, and each gets an equal share of what is
 /// left of the budget, so that a short one still shows all of them.
 pub(super) fn run(
-    scene: &Scene,
+    case: &Case,
     options: &Options,
     reference: &Frames,
     study: &mut Study,
@@ -121,7 +121,7 @@ pub(super) fn run(
 ) -> Result<(), StudyError> {
     let sweep = |&method: &Method| Sweep {
         method,
-        settings: settings(scene, method, study.reference.worthless_from),
+        settings: settings(&case.scene, method, study.reference.worthless_from),
         used: 0.0,
         last: 0.0,
         failed_runs: 0,
@@ -140,7 +140,7 @@ pub(super) fn run(
             sweep.end = Some(SweepEnd::Budget);
             continue;
         }
-        sweep.end = one(scene, sweep, now + share, reference, study, clock)?;
+        sweep.end = one(case, sweep, now + share, reference, study, clock)?;
         sweep.last = clock.fraction() - now;
         sweep.used += sweep.last;
         if sweep.end == Some(SweepEnd::Interrupted) {
@@ -200,7 +200,7 @@ fn settings(scene: &Scene, method: Method, worthless_from: f64) -> Vec<Setting> 
 
 /// The next run of a method; says why there should be none after it, if so.
 fn one(
-    scene: &Scene,
+    case: &Case,
     sweep: &mut Sweep,
     share: f64,
     reference: &Frames,
@@ -218,9 +218,9 @@ fn one(
     if clock.tell(&what).is_break() {
         return Ok(Some(SweepEnd::Interrupted));
     }
-    let size = scene.size();
-    let scene = with(scene, method, setting.control());
-    let supervised = clock.supervise(share, |interrupt| measured(&scene, interrupt))?;
+    let size = case.scene.size();
+    let case = case.with(method, setting.control());
+    let supervised = clock.supervise(share, |interrupt| measured(&case, interrupt))?;
     if supervised.is_interrupted {
         return Ok(Some(SweepEnd::Interrupted));
     }
@@ -269,10 +269,10 @@ const MANY_STEPS: u64 = 20 * FRAMES as u64;
 
 /// A recorded run with its time. Frames may cost a part of a step each, so unless
 /// the run is long it is timed apart.
-fn measured(scene: &Scene, interrupt: &Interrupt) -> Result<Run, NoRun> {
-    let mut run = recorded(scene, interrupt)?;
+fn measured(case: &Case, interrupt: &Interrupt) -> Result<Run, NoRun> {
+    let mut run = recorded(case, interrupt)?;
     if run.seconds < LONG || run.steps < MANY_STEPS {
-        let seconds = least_seconds(scene, interrupt);
+        let seconds = least_seconds(case, interrupt);
         // If that was stopped, the run with frames is all there is.
         run.seconds = run.seconds.min(seconds);
     }

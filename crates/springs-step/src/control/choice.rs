@@ -4,7 +4,7 @@ use crate::implicit::linear::{self, Hessian};
 use crate::method::table::{Properties, ToleranceKind, properties};
 use crate::{Method, SetupError};
 use springs_assembly::System;
-use springs_scene::{self as scene, Scene, Tangent};
+use springs_scene::{self as scene, RunOptions, Settings, Tangent};
 
 /// What a scene is simulated with.
 #[derive(Clone, Debug, PartialEq)]
@@ -17,6 +17,8 @@ pub struct Choice {
     pub pace: Pace,
     /// Simulated time, in s, that a tolerance is shared out over.
     pub duration: f64,
+    /// How it is run.
+    pub options: RunOptions,
     /// Why, where the settings left it open; else empty.
     pub reason: String,
 }
@@ -32,12 +34,13 @@ pub enum Pace {
 
 impl Choice {
     /// What the settings say.
-    pub(crate) fn open(scene: &Scene, pace: Pace) -> Self {
+    pub(crate) fn open(settings: &Settings, options: &RunOptions, pace: Pace) -> Self {
         Self {
-            method: scene.settings.method,
-            tangent: scene.settings.tangent,
+            method: settings.method,
+            tangent: settings.tangent,
             pace,
-            duration: scene.settings.duration,
+            duration: settings.duration,
+            options: *options,
             reason: String::new(),
         }
     }

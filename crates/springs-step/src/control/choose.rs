@@ -6,7 +6,7 @@ use crate::control::trials::{EqualSteps, Trials, Unsettled, equal_steps};
 use crate::method::table::properties;
 use crate::{Anchors, Choice, Method, Pace, SetupError, Splitting, StepPlan};
 use springs_assembly::System;
-use springs_scene::{self as scene, Scene, StepControl, Tangent};
+use springs_scene::{self as scene, RunOptions, Scene, Settings, StepControl, Tangent};
 
 /// The tolerance where nothing was asked for, as a fraction of the scene's
 /// size.
@@ -23,16 +23,16 @@ const MOST_TRIAL_STEPS: f64 = 1e7;
 /// tolerance.
 fn settle(
     scene: &Scene,
+    asked: StepControl,
     system: &System,
-    pace: Pace,
+    mut choice: Choice,
     schedule: &Schedule,
 ) -> Result<Choice, SetupError> {
-    let mut choice = Choice::open(scene, pace);
     if let (scene::Method::Auto, Schedule::Fixed(plan)) = (choice.method, schedule) {
         pick_for_step(&mut choice, system, plan.step_size);
     }
-    if let StepControl::Fixed(step) = scene.settings.step
-        && pace != Pace::Fixed(step)
+    if let StepControl::Fixed(step) = asked
+        && choice.pace != Pace::Fixed(step)
     {
         choice.reason = format!("steps of {step:?} s made equal: the last one cannot be shorter");
     }
@@ -65,10 +65,15 @@ pub(crate) struct Start {
 
 impl Start {
     /// A method of somebody's own, which has no name.
-    pub(crate) fn with_method(scene: &Scene, system: &System, method: Box<dyn Method>) -> Self {
-        let (pace, schedule) = pace_of(scene, system);
+    pub(crate) fn with_method(
+        scene: &Scene,
+        options: &RunOptions,
+        system: &System,
+        method: Box<dyn Method>,
+    ) -> Self {
+        let (pace, schedule) = pace_of(scene, &scene.settings, system);
         Self {
-            choice: Choice::open(scene, pace),
+            choice: Choice::open(&scene.settings, options, pace),
             method,
             schedule,
             auto: None,
@@ -77,8 +82,7 @@ impl Start {
 }
 
 /// How steps are chosen; with a tolerance, by a controller.
-fn pace_of(scene: &Scene, system: &System) -> (Pace, Schedule) {
-    let settings = &scene.settings;
+fn pace_of(scene: &Scene, settings: &Settings, system: &System) -> (Pace, Schedule) {
     let duration = settings.duration;
     let tolerance = match settings.step {
         StepControl::Fixed(step) => {
@@ -106,14 +110,16 @@ fn default_tolerance(scene: &Scene) -> f64 {
     }
 }
 
-/// What a scene starts with; nothing is tried out yet.
-pub(crate) fn start(scene: &Scene, system: &System) -> Result<Start, SetupError> {
-    let (pace, schedule) = pace_of(scene, system);
+/// What a scene starts with under these settings; nothing is tried out yet.
+pub(crate) fn start(
+    scene: &Scene,
+    (settings, options): (&Settings, &RunOptions),
+    system: &System,
+) -> Result<Start, SetupError> {
+    let (pace, schedule) = pace_of(scene, settings, system);
+    let choice = Choice::open(settings, options, pace);
     let needs_trials = |controller: &Controller| controller.left() > 0.0;
-    if let (scene::Method::Auto, Schedule::Adaptive(controller)) =
-        (scene.settings.method, &schedule)
-    {
-        let choice = Choice::open(scene, pace);
+    if let (scene::Method::Auto, Schedule::Adaptive(controller)) = (settings.method, &schedule) {
         refuse_tangent(&choice)?;
         let mut auto = Auto::new(scene, system, &choice);
         if needs_trials(controller) {
@@ -133,7 +139,7 @@ pub(crate) fn start(scene: &Scene, system: &System) -> Result<Start, SetupError>
             auto: Some(auto),
         });
     }
-    let choice = settle(scene, system, pace, &schedule)?;
+    let choice = settle(scene, settings.step, system, choice, &schedule)?;
     let schedule = match schedule {
         Schedule::Adaptive(controller)
             if choice.wants_equal_steps() && needs_trials(&controller) =>

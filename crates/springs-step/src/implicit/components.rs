@@ -17,6 +17,7 @@ pub(crate) struct Components {
     /// part only.
     members: Vec<Member>,
     is_indefinite: Vec<bool>,
+    threads: usize,
     interrupt: Interrupt,
 }
 
@@ -31,7 +32,7 @@ struct Member {
 }
 
 impl Components {
-    pub(crate) fn new(system: &System, hessian: Hessian) -> Self {
+    pub(crate) fn new(system: &System, hessian: Hessian, threads: usize) -> Self {
         // Roots are the smallest blocks of their trees.
         let mut parents: Vec<u32> = (0..system.n_free() as u32).collect();
         for &[a, b] in system.pattern().pairs() {
@@ -55,6 +56,7 @@ impl Components {
             n: n as usize,
             members: Vec::new(),
             is_indefinite: vec![false; n as usize],
+            threads,
             interrupt: Interrupt::default(),
         }
     }
@@ -125,8 +127,9 @@ impl Components {
                 .iter()
                 .map(|&b| system.initial_positions()[b as usize]);
             let positions: Vec<[f64; 3]> = positions.map(Into::into).collect();
+            let (hessian, steps) = (self.hessian, Steps::Changing);
             let (options, normal) =
-                solver_options(system, self.hessian, Steps::Changing, &positions);
+                solver_options(system, hessian, steps, &positions, self.threads);
             let mut solver = CheckedSolver::analyze(blocks.len(), &ends, options, normal)?;
             solver.set_interrupt(&self.interrupt);
             Ok(Member {

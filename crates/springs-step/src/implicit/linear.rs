@@ -2,11 +2,12 @@
 
 use crate::implicit::checked_solver::{CheckCounts, CheckedSolver};
 use crate::implicit::components::Components;
+use crate::threads::threads;
 use crate::work::timed;
 use crate::{HiddenState, MethodError, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::{Evaluation, Linearization, Motion, Projection, System, Weights};
-use springs_scene::{Solution, Tangent};
+use springs_scene::{LinearTolerance, RunOptions, Tangent};
 use springs_solver::{
     Experience, Interrupt, Options, Packing, Price, Route, SolveError, Solver, Subspace,
 };
@@ -17,7 +18,7 @@ pub(crate) struct LinearSystem {
     hessian: Hessian,
     components: Components,
     out: Linearization,
-    solution: Solution,
+    run: RunOptions,
     reduced: Reduced,
     /// Whether the matrix depends on nothing but the weights, and those of the
     /// last one with the velocities of the fixed blocks at that time.
@@ -93,12 +94,12 @@ impl Hessian {
 
 impl Purpose {
     /// The part of the solution that may be wrong.
-    fn accuracy(self, solution: Solution) -> f64 {
-        match (self, solution) {
+    fn accuracy(self, asked: LinearTolerance) -> f64 {
+        match (self, asked) {
             (Self::Estimate, _) => 1e-2,
-            (_, Solution::Strict) | (Self::HighOrder, _) => 1e-11,
-            (Self::Correction, Solution::Sufficient) => 1e-3,
-            (Self::Step, Solution::Sufficient) => 1e-6,
+            (_, LinearTolerance::Strict) | (Self::HighOrder, _) => 1e-11,
+            (Self::Correction, LinearTolerance::Sufficient) => 1e-3,
+            (Self::Step, LinearTolerance::Sufficient) => 1e-6,
         }
     }
 }
@@ -134,6 +135,7 @@ pub(crate) fn solver_options<'a>(
     hessian: Hessian,
     steps: Steps,
     positions: &'a [[f64; 3]],
+    threads: usize,
 ) -> (Options<'a>, Option<Vector3<f64>>) {
     let subspace = match system.motion() {
         Motion::Line(line) => Subspace::Line(line.into()),
@@ -148,7 +150,7 @@ pub(crate) fn solver_options<'a>(
     };
     let options = Options {
         positions: Some(positions),
-        threads: system.threads(),
+        threads,
         // A factor that is made once costs nothing.
         route: if is_constant(system, hessian) && steps == Steps::Equal {
             Route::Double
@@ -200,16 +202,22 @@ fn reduced(system: &System, hessian: Hessian) -> Reduced {
 /// # Errors
 ///
 /// If it cannot be counted.
-pub fn solver_memory(system: &System) -> Result<u64, SolveError> {
+pub fn solver_memory(system: &System, run: &RunOptions) -> Result<u64, SolveError> {
     let positions = positions_of(system);
-    let (options, _) = solver_options(system, Hessian::Exact, Steps::Equal, positions);
+    let (options, _) = solver_options(
+        system,
+        Hessian::Exact,
+        Steps::Equal,
+        positions,
+        threads(run),
+    );
     Solver::memory(system.n_free(), system.pattern().pairs(), options)
 }
 
 /// What systems of a scene will cost, roughly, with steps of changing size.
 pub(crate) fn price(system: &System) -> Result<Price, SolveError> {
     let positions = positions_of(system);
-    let (options, _) = solver_options(system, Hessian::Exact, Steps::Changing, positions);
+    let (options, _) = solver_options(system, Hessian::Exact, Steps::Changing, positions, 1);
     Solver::price(system.n_free(), system.pattern().pairs(), options)
 }
 
@@ -217,8 +225,10 @@ fn checked_solver(
     system: &System,
     hessian: Hessian,
     steps: Steps,
+    run: &RunOptions,
 ) -> Result<CheckedSolver, SolveError> {
-    let (options, normal) = solver_options(system, hessian, steps, positions_of(system));
+    let positions = positions_of(system);
+    let (options, normal) = solver_options(system, hessian, steps, positions, threads(run));
     CheckedSolver::analyze(system.n_free(), system.pattern().pairs(), options, normal)
 }
 
@@ -229,17 +239,21 @@ pub(crate) fn positions_of(system: &System) -> &[[f64; 3]] {
 
 impl LinearSystem {
     /// Orders and factorizes symbolically.
-    pub(crate) fn new(system: &System, hessian: Hessian) -> Result<Self, SolveError> {
+    pub(crate) fn new(
+        system: &System,
+        hessian: Hessian,
+        run: &RunOptions,
+    ) -> Result<Self, SolveError> {
         let mut setup = Work::default();
         setup.counts.symbolic_factorizations += 1;
-        let mut solver = checked_solver(system, hessian, Steps::Equal)?;
+        let mut solver = checked_solver(system, hessian, Steps::Equal, run)?;
         Ok(Self {
             of_estimates: *solver.experience(),
             solver,
             hessian,
-            components: Components::new(system, hessian),
+            components: Components::new(system, hessian, threads(run)),
             out: system.linearization(),
-            solution: system.solution(),
+            run: *run,
             reduced: reduced(system, hessian),
             is_constant: is_constant(system, hessian),
             weights: None,
@@ -258,7 +272,7 @@ impl LinearSystem {
     /// nothing else changes often.
     pub(crate) fn expect_changing_steps(&mut self, system: &System) -> Result<(), SolveError> {
         if self.is_constant {
-            self.solver = checked_solver(system, self.hessian, Steps::Changing)?;
+            self.solver = checked_solver(system, self.hessian, Steps::Changing, &self.run)?;
             self.solver.set_interrupt(&self.interrupt);
             self.weights = None;
             self.setup.counts.symbolic_factorizations += 1;
@@ -399,7 +413,7 @@ impl LinearSystem {
         work: &mut Work,
     ) -> Result<(), MethodError> {
         let mut counts = CheckCounts::default();
-        let accuracy = purpose.accuracy(self.solution);
+        let accuracy = purpose.accuracy(self.run.linear_tolerance);
         let (matrix, rhs) = (&self.out.matrix, (&self.rhs[..], accuracy));
         let judged = timed(&mut work.phases.factorization, || {
             self.components
@@ -521,7 +535,7 @@ impl LinearSystem {
         work: &mut Work,
     ) -> Result<(), MethodError> {
         let before = self.solver.counts();
-        let accuracy = purpose.accuracy(self.solution);
+        let accuracy = purpose.accuracy(self.run.linear_tolerance);
         let done = timed(&mut work.phases.solve, || {
             self.solver.solve_in_place(numbers_mut(rhs), accuracy)
         });

@@ -108,6 +108,7 @@ mod tests {
     use super::*;
     use crate::ImplicitEuler;
     use springs_assembly::compile;
+    use springs_scene::RunOptions;
     use springs_scene::generate::{Material, cloth};
 
     /// Errors from the stiffest to the smoothest, and times from less than a
@@ -117,7 +118,7 @@ mod tests {
         let system = compile(&cloth(6, Material::of_cloth())).unwrap();
         let state = State::initial(&system);
         let work = &mut Work::default();
-        let mut method = ImplicitEuler::new(&system).unwrap();
+        let mut method = ImplicitEuler::new(&system, &RunOptions::default()).unwrap();
         let mut response = Response::default();
         let at = (&system, &state);
         for waves in [0.1, 1.0, 2.0, 3.0] {

@@ -5,6 +5,7 @@ use crate::method::spread;
 use crate::{HiddenState, MethodError, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::{Evaluation, Projection, System, Weights};
+use springs_scene::RunOptions;
 use springs_solver::{Interrupt, SolveError};
 
 /// Solver of M v = p + c f(x, v), x = q + c v for the velocities v of a stage.
@@ -86,9 +87,9 @@ const ULPS: f64 = 8.0 * f64::EPSILON;
 const SUFFICIENT: f64 = 1e-4;
 
 impl Stage {
-    pub(crate) fn new(system: &System) -> Result<Self, SolveError> {
+    pub(crate) fn new(system: &System, options: &RunOptions) -> Result<Self, SolveError> {
         Ok(Self {
-            linear: LinearSystem::new(system, Hessian::Exact)?,
+            linear: LinearSystem::new(system, Hessian::Exact, options)?,
             delta: vec![Vector3::zeros(); system.numbering().n_nodes()],
             start: State::initial(system),
             trial: State::initial(system),

@@ -8,6 +8,7 @@ use crate::{
 };
 use nalgebra::Vector3;
 use springs_assembly::{Evaluation, System, Weights};
+use springs_scene::RunOptions;
 use springs_solver::{Interrupt, SolveError};
 
 /// v½ = v + ½h a, x' = x + h v½, v' = v½ + ½h a' with
@@ -49,12 +50,12 @@ impl FilteredLeapfrog {
     /// # Errors
     ///
     /// If the factor cannot be stored.
-    pub fn new(system: &System) -> Result<Self, SolveError> {
+    pub fn new(system: &System, options: &RunOptions) -> Result<Self, SolveError> {
         let zeros = vec![Vector3::zeros(); system.numbering().n_nodes()];
         Ok(Self {
-            linear: LinearSystem::new(system, Hessian::Altered)?,
+            linear: LinearSystem::new(system, Hessian::Altered, options)?,
             start: if system.masses().contains(&0.0) {
-                Some(Stage::new(system)?)
+                Some(Stage::new(system, options)?)
             } else {
                 None
             },

@@ -8,6 +8,7 @@ use crate::{
 };
 use nalgebra::Vector3;
 use springs_assembly::System;
+use springs_scene::RunOptions;
 use springs_solver::{Interrupt, SolveError};
 
 /// M(v' − v) = h f(x', v'), x' = x + h v', solved.
@@ -28,9 +29,9 @@ impl ImplicitEuler {
     /// # Errors
     ///
     /// If the factor cannot be stored.
-    pub fn new(system: &System) -> Result<Self, SolveError> {
+    pub fn new(system: &System, options: &RunOptions) -> Result<Self, SolveError> {
         Ok(Self {
-            stage: Stage::new(system)?,
+            stage: Stage::new(system, options)?,
             momenta: vec![Vector3::zeros(); system.n_free()],
             tensions: Tensions::new(system),
             impulses: Impulses::new(system),

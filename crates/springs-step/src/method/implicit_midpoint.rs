@@ -7,6 +7,7 @@ use crate::{
 };
 use nalgebra::Vector3;
 use springs_assembly::System;
+use springs_scene::RunOptions;
 use springs_solver::{Interrupt, SolveError};
 
 /// M(v' − v) = h f at the middle of (x, v) and (x', v'), x' − x = ½h(v + v').
@@ -31,9 +32,9 @@ impl ImplicitMidpoint {
     /// # Errors
     ///
     /// If the factor cannot be stored.
-    pub fn new(system: &System) -> Result<Self, SolveError> {
+    pub fn new(system: &System, options: &RunOptions) -> Result<Self, SolveError> {
         Ok(Self {
-            stage: Stage::new(system)?,
+            stage: Stage::new(system, options)?,
             momenta: vec![Vector3::zeros(); system.n_free()],
             before: State::initial(system),
             tensions: Tensions::new(system),

@@ -8,7 +8,7 @@ use crate::{
 };
 use nalgebra::Vector3;
 use springs_assembly::{Evaluation, Projection, System, Weights};
-use springs_scene::Tangent;
+use springs_scene::{RunOptions, Tangent};
 use springs_solver::{Interrupt, SolveError};
 
 /// (M + hD + h²H) v' = M v + h f, x' = x + h v'.
@@ -43,14 +43,18 @@ impl LinearlyImplicitEuler {
     /// # Errors
     ///
     /// If the factor cannot be stored.
-    pub fn new(system: &System, tangent: Tangent) -> Result<Self, SolveError> {
+    pub fn new(
+        system: &System,
+        tangent: Tangent,
+        options: &RunOptions,
+    ) -> Result<Self, SolveError> {
         let n_tensions = match tangent {
             Tangent::Filtered => system.n_carried(),
             _ => 0,
         };
         Ok(Self {
             tangent,
-            linear: LinearSystem::new(system, Hessian::of_tangent(tangent))?,
+            linear: LinearSystem::new(system, Hessian::of_tangent(tangent), options)?,
             frame: MovingFrame::new(system),
             n_free: system.n_free(),
             velocities: vec![Vector3::zeros(); system.numbering().n_nodes()],

@@ -10,6 +10,7 @@ use crate::{
 };
 use nalgebra::Vector3;
 use springs_assembly::{Evaluation, Lines, System, Weights};
+use springs_scene::RunOptions;
 use springs_solver::{Interrupt, SolveError};
 
 /// Order 4 with an embedded result of order 3, L-stable, linearly implicit: one
@@ -106,14 +107,14 @@ impl Rodas4 {
     /// # Errors
     ///
     /// If the factor cannot be stored.
-    pub fn new(system: &System) -> Result<Self, SolveError> {
+    pub fn new(system: &System, options: &RunOptions) -> Result<Self, SolveError> {
         let zeros = vec![Vector3::zeros(); system.n_free()];
         let slopes = Slopes {
             x: vec![Vector3::zeros(); system.numbering().n_nodes()],
             v: zeros.clone(),
         };
         Ok(Self {
-            linear: LinearSystem::new(system, Hessian::Unclamped)?,
+            linear: LinearSystem::new(system, Hessian::Unclamped, options)?,
             stages: std::array::from_fn(|_| slopes.clone()),
             stage: State::initial(system),
             forces: zeros.clone(),

@@ -121,7 +121,7 @@ static TABLE: [Properties; 10] = [
             per_node: 0.0,
         }),
         build: |system, choice| {
-            let method = TrBdf2::new(system)?;
+            let method = TrBdf2::new(system, &choice.options)?;
             Ok(Box::new(match choice.pace {
                 Pace::Fixed(_) => method,
                 Pace::Tolerance(tolerance) => method.with_tolerance(tolerance, choice.duration),
@@ -136,20 +136,24 @@ static TABLE: [Properties; 10] = [
         hessian: |tangent| Some(Hessian::of_tangent(tangent.unwrap_or(Tangent::Exact))),
         build: |system, choice| {
             let tangent = choice.tangent.unwrap_or(Tangent::Exact);
-            Ok(Box::new(LinearlyImplicitEuler::new(system, tangent)?))
+            Ok(Box::new(LinearlyImplicitEuler::new(
+                system,
+                tangent,
+                &choice.options,
+            )?))
         },
         ..implicit(scene::Method::LinearlyImplicitEuler)
     },
     Properties {
         order: 1,
         tolerance: ToleranceKind::Doubling,
-        build: |system, _| Ok(Box::new(ImplicitEuler::new(system)?)),
+        build: |system, choice| Ok(Box::new(ImplicitEuler::new(system, &choice.options)?)),
         ..implicit(scene::Method::ImplicitEuler)
     },
     Properties {
         tolerance: ToleranceKind::EqualSteps,
         is_compared_by_steps: true,
-        build: |system, _| Ok(Box::new(ImplicitMidpoint::new(system)?)),
+        build: |system, choice| Ok(Box::new(ImplicitMidpoint::new(system, &choice.options)?)),
         ..implicit(scene::Method::ImplicitMidpoint)
     },
     Properties {
@@ -157,7 +161,7 @@ static TABLE: [Properties; 10] = [
         keeps_step: true,
         is_compared_by_steps: true,
         hessian: |_| Some(Hessian::Altered),
-        build: |system, _| Ok(Box::new(FilteredLeapfrog::new(system)?)),
+        build: |system, choice| Ok(Box::new(FilteredLeapfrog::new(system, &choice.options)?)),
         ..implicit(scene::Method::FilteredLeapfrog)
     },
     Properties {
@@ -165,7 +169,7 @@ static TABLE: [Properties; 10] = [
         moves_massless: false,
         treats_damping: false,
         hessian: |_| Some(Hessian::Unclamped),
-        build: |system, _| Ok(Box::new(Rodas4::new(system)?)),
+        build: |system, choice| Ok(Box::new(Rodas4::new(system, &choice.options)?)),
         ..implicit(scene::Method::Rodas4)
     },
 ];
@@ -265,6 +269,7 @@ impl Properties {
 mod tests {
     use super::*;
     use springs_assembly::compile;
+    use springs_scene::RunOptions;
     use springs_scene::generate::{Material, chain};
 
     /// Every method has a row, and what a row says is true of what it builds.
@@ -272,16 +277,17 @@ mod tests {
     fn rows_agree_with_methods() {
         let scene = chain(3, Material::of_chain(3));
         let system = compile(&scene).unwrap();
+        let open = |pace| Choice::open(&scene.settings, &RunOptions::default(), pace);
         for &method in scene::Method::ALL {
             let Some(row) = properties(method) else {
                 assert_eq!(method, scene::Method::Auto);
                 continue;
             };
-            let choice = Choice::open(&scene, Pace::Fixed(0.1));
+            let choice = open(Pace::Fixed(0.1));
             let built = row.build(&system, &choice).unwrap();
             assert_eq!(built.order(), row.order, "{method}");
             assert_eq!(row.hessian(None).is_none(), row.is_explicit(), "{method}");
-            let changing = Choice::open(&scene, Pace::Tolerance(1e-3));
+            let changing = open(Pace::Tolerance(1e-3));
             assert!(row.build(&system, &changing).is_ok(), "{method}");
         }
         assert_eq!(methods().len() + 1, scene::Method::ALL.len());

@@ -8,6 +8,7 @@ use crate::{
 };
 use nalgebra::Vector3;
 use springs_assembly::System;
+use springs_scene::RunOptions;
 use springs_solver::{Interrupt, SolveError};
 
 /// γ = 2 − √2: both stages then have the same matrix coefficient.
@@ -123,10 +124,10 @@ impl TrBdf2 {
     /// # Errors
     ///
     /// If the factor cannot be stored.
-    pub fn new(system: &System) -> Result<Self, SolveError> {
+    pub fn new(system: &System, options: &RunOptions) -> Result<Self, SolveError> {
         let zeros = vec![Vector3::zeros(); system.n_free()];
         Ok(Self {
-            stage: Stage::new(system)?,
+            stage: Stage::new(system, options)?,
             momenta: zeros.clone(),
             before: State::initial(system),
             middle: State::initial(system),

@@ -5,12 +5,13 @@ use crate::run::observer::{either, offer};
 use crate::run::parallel::{in_parallel, in_parallel_watched};
 use crate::run::part::{Part, cut};
 use crate::run::simulation::Pause;
+use crate::threads::threads;
 use crate::{
     Account, Cause, ForeignState, HiddenState, Ledger, NodeStates, Observer, Outcome, Patience,
     SetupError, StepError, Work,
 };
-use springs_assembly::{CompileError, Energy, machine_threads};
-use springs_scene::Scene;
+use springs_assembly::{CompileError, Energy};
+use springs_scene::{RunOptions, Scene};
 use springs_solver::Interrupt;
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -22,10 +23,13 @@ use std::time::{Duration, Instant};
 ///
 /// A scene in one part runs exactly like a [`Simulation`](crate::Simulation).
 pub struct Islands {
-    scene: Scene,
     parts: Vec<Part>,
     /// Parts that run at once.
     threads: usize,
+    /// Simulated, in s.
+    duration: f64,
+    /// How far parts may still move that are put to sleep, in m.
+    sleep: Option<f64>,
     time: f64,
     /// Parts are somewhere within a round.
     is_under_way: bool,
@@ -63,25 +67,36 @@ impl Islands {
     ///
     /// If the scene is wrong or a method cannot move its part.
     pub fn new(scene: &Scene) -> Result<Self, SetupError> {
-        let problems = scene.problems();
+        Self::with_options(scene, &RunOptions::default())
+    }
+
+    /// The same, run as the options say.
+    ///
+    /// # Errors
+    ///
+    /// If the scene or an option is wrong, or a method cannot move its part.
+    pub fn with_options(scene: &Scene, options: &RunOptions) -> Result<Self, SetupError> {
+        let mut problems = scene.problems();
+        problems.extend(options.problems());
         if !problems.is_empty() {
             return Err(CompileError::Problems(problems).into());
         }
-        let islands = cut(scene);
+        let islands = cut(scene, options);
         let largest = islands.iter().map(|island| island.springs.len()).max();
         let dominant = DOMINANT * scene.springs.len() as f64;
         let is_dominated = largest.unwrap_or(0) as f64 > dominant || islands.len() == 1;
-        let mut scene = scene.clone();
-        let settings = &mut scene.settings;
-        let all_threads = machine_threads(settings.threads);
+        let all_threads = threads(options);
         let is_small = scene.springs.len() < WORTH_A_THREAD;
         let threads = if is_dominated || is_small {
             1
         } else {
             all_threads.min(islands.len())
         };
-        settings.threads = all_threads / threads;
-        let parts = in_parallel(islands, threads, |island| Part::new(&scene, island));
+        let mut of_part = *options;
+        of_part.threads = all_threads / threads;
+        let parts = in_parallel(islands, threads, |island| {
+            Part::new(scene, &of_part, island)
+        });
         let mut parts: Vec<Part> = parts.into_iter().collect::<Result<_, _>>()?;
         // Somebody who runs what does not move at all wants to see its steps.
         if parts.iter().all(|part| part.asleep_since.is_some()) {
@@ -91,14 +106,15 @@ impl Islands {
             ledger: parts[0].ledger,
             parts,
             threads,
+            duration: scene.settings.duration,
+            sleep: options.sleep,
             time: 0.0,
             is_under_way: false,
-            nodes: NodeStates::of(&scene),
+            nodes: NodeStates::of(scene),
             shown: None,
             is_told: true,
             trial_time: Duration::ZERO,
             interrupt: Interrupt::default(),
-            scene,
         };
         islands.sum_ledgers();
         Ok(islands)
@@ -184,7 +200,7 @@ impl Islands {
 
     /// Threads that are used, over parts and within them.
     pub fn threads(&self) -> usize {
-        self.threads * self.largest().simulation.stepper().system().threads()
+        self.threads * self.largest().simulation.choice().options.threads
     }
 
     /// Number of free nodes; the unknowns of all parts are three times as many
@@ -201,7 +217,7 @@ impl Islands {
 
     /// Simulated time at the end, in s.
     pub fn duration(&self) -> f64 {
-        self.scene.settings.duration
+        self.duration
     }
 
     /// Positions and velocities, in the order of the scene.
@@ -270,7 +286,7 @@ impl Islands {
     ) -> Result<Outcome, StepError> {
         if let [part] = &mut self.parts[..]
             && part.asleep_since.is_none()
-            && self.scene.settings.sleep.is_none()
+            && self.sleep.is_none()
         {
             let outcome = part.simulation.run(intervals, observer);
             self.time = part.simulation.stepper().time();
@@ -412,7 +428,7 @@ impl Islands {
     }
 
     fn planned_end_of_round(&self) -> f64 {
-        let rounds = match self.scene.settings.sleep {
+        let rounds = match self.sleep {
             None => ROUNDS,
             Some(_) => ROUNDS_WITH_SLEEP,
         };
@@ -435,7 +451,7 @@ impl Islands {
             deadline: Some(Instant::now() + SLICE),
         };
         let (now, begins) = (self.time, !self.is_under_way);
-        let sleep = self.scene.settings.sleep;
+        let sleep = self.sleep;
         let parts: Vec<&mut Part> = self.parts.iter_mut().collect();
         let done = in_parallel(parts, self.threads, |part| {
             if begins {

@@ -2,10 +2,11 @@
 
 use crate::run::simulation::Pause;
 use crate::run::sleep::Rest;
+use crate::threads::threads;
 use crate::{HiddenState, Ledger, NodeStates, SetupError, Simulation, StepError, Suspect};
 use nalgebra::Vector3;
 use springs_assembly::Energy;
-use springs_scene::{Island, Scene};
+use springs_scene::{Island, RunOptions, Scene};
 use std::ops::ControlFlow;
 
 /// A part of the scene.
@@ -36,16 +37,21 @@ const STEPS_BACK: u64 = 1000;
 const LOOKS: u32 = 8;
 
 impl Part {
-    pub(super) fn new(scene: &Scene, island: Island) -> Result<Self, SetupError> {
+    pub(super) fn new(
+        scene: &Scene,
+        options: &RunOptions,
+        island: Island,
+    ) -> Result<Self, SetupError> {
         let is_whole = island.nodes.len() == scene.nodes.len();
-        let simulation = match is_whole {
-            true => Simulation::new(scene),
-            false => Simulation::new(&scene.part(&island)),
+        let simulation = if is_whole {
+            Simulation::with_options(scene, options)
+        } else {
+            Simulation::with_options(&scene.part(&island), options)
         };
         let simulation =
             simulation.map_err(|error| error.of_part(&island.nodes, &island.springs))?;
         let (system, state) = (simulation.stepper().system(), simulation.stepper().state());
-        let is_at_rest = scene.settings.skip && Rest::is_exact(system, state);
+        let is_at_rest = options.skip && Rest::is_exact(system, state);
         Ok(Self {
             state: simulation.nodes().clone(),
             ledger: simulation.ledger(),
@@ -117,7 +123,9 @@ impl Part {
         let mut state = stepper.state().clone();
         state.gather(system, &self.state);
         state.time = now;
-        let rest = self.rest.get_or_insert_with(|| Rest::new(system));
+        let rest = self
+            .rest
+            .get_or_insert_with(|| Rest::new(system, threads(&self.simulation.choice().options)));
         if rest.reach(system, &state).is_some_and(|r| r <= reach) {
             self.asleep_since = Some(now);
             self.rest = None;
@@ -177,12 +185,12 @@ impl Part {
 }
 
 /// The nodes and springs of each part.
-pub(super) fn cut(scene: &Scene) -> Vec<Island> {
+pub(super) fn cut(scene: &Scene, options: &RunOptions) -> Vec<Island> {
     let whole = || Island {
         nodes: (0..scene.nodes.len()).collect(),
         springs: (0..scene.springs.len()).collect(),
     };
-    if !scene.settings.skip {
+    if !options.skip {
         return vec![whole()];
     }
     let islands = scene.islands();

@@ -18,8 +18,8 @@ use crate::{
     Cause, Choice, Flows, HiddenState, Interval, Ledger, Method, MethodError, NodeStates, Observer,
     Outcome, Patience, SetupError, State, StepError, StepPlan, Stepper, Work,
 };
-use springs_assembly::{Emitter, Energy, System, compile, compile_with};
-use springs_scene::Scene;
+use springs_assembly::{Compilation, Emitter, Energy, System, compile_with};
+use springs_scene::{RunOptions, Scene};
 use springs_solver::Interrupt;
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
@@ -68,7 +68,6 @@ pub struct Simulation {
     flows_between: Option<(f64, Flows)>,
     /// Global vectors of states between steps; made when first needed.
     state_between: Option<State>,
-    substeps_are_allowed: bool,
     /// The most that energy of motion and of springs could come from, in J.
     most_energy: f64,
     interrupt: Interrupt,
@@ -108,7 +107,17 @@ impl Simulation {
     ///
     /// If the scene is wrong or the method cannot move it.
     pub fn new(scene: &Scene) -> Result<Self, SetupError> {
-        Self::of_system(scene, compile(scene)?)
+        Self::with_options(scene, &RunOptions::default())
+    }
+
+    /// The same, run as the options say; [`RunOptions::sleep`] is for
+    /// [`crate::Islands`].
+    ///
+    /// # Errors
+    ///
+    /// If the scene is wrong or the method cannot move it.
+    pub fn with_options(scene: &Scene, options: &RunOptions) -> Result<Self, SetupError> {
+        Self::with_emitters(scene, options, Vec::new())
     }
 
     /// The same with more emitters than those of the scene, on its nodes.
@@ -123,13 +132,15 @@ impl Simulation {
     /// If an emitter asks for a node that is not there.
     pub fn with_emitters(
         scene: &Scene,
+        options: &RunOptions,
         emitters: Vec<Box<dyn Emitter>>,
     ) -> Result<Self, SetupError> {
-        Self::of_system(scene, compile_with(scene, emitters)?)
-    }
-
-    fn of_system(scene: &Scene, system: System) -> Result<Self, SetupError> {
-        let start = start(scene, &system)?;
+        let compilation = Compilation {
+            emitters,
+            is_complete: !options.skip,
+        };
+        let system = compile_with(scene, compilation)?;
+        let start = start(scene, (&scene.settings, options), &system)?;
         let between = Between::of(&start.choice, &*start.method, &system)?;
         Self::starting(scene, system, start, between)
     }
@@ -145,10 +156,15 @@ impl Simulation {
     /// If the scene is wrong.
     pub fn with_method(
         scene: &Scene,
+        options: &RunOptions,
         method: impl FnOnce(&System) -> Box<dyn Method>,
     ) -> Result<Self, SetupError> {
-        let system = compile(scene)?;
-        let start = Start::with_method(scene, &system, method(&system));
+        let compilation = Compilation {
+            is_complete: !options.skip,
+            ..Compilation::default()
+        };
+        let system = compile_with(scene, compilation)?;
+        let start = Start::with_method(scene, options, &system, method(&system));
         let between = Between::Polynomial {
             order: start.method.order(),
             straight_from: f64::INFINITY,
@@ -188,7 +204,6 @@ impl Simulation {
             trial_time: Duration::ZERO,
             stepper,
             shown: None,
-            substeps_are_allowed: scene.settings.rescue,
             most_energy: 0.0,
             last: None,
             is_told: true,

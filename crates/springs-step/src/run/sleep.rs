@@ -21,10 +21,11 @@ pub(crate) struct Rest {
 const ITERATIONS: usize = 8;
 
 impl Rest {
-    pub(crate) fn new(system: &System) -> Self {
+    pub(crate) fn new(system: &System, threads: usize) -> Self {
         let zeros = vec![Vector3::zeros(); system.n_free()];
         let positions = positions_of(system);
-        let (options, _) = solver_options(system, Hessian::Exact, Steps::Changing, positions);
+        let (hessian, steps) = (Hessian::Exact, Steps::Changing);
+        let (options, _) = solver_options(system, hessian, steps, positions, threads);
         Self {
             solver: Solver::analyze(system.n_free(), system.pattern().pairs(), options).ok(),
             out: system.linearization(),

@@ -6,8 +6,8 @@ use crate::{
     Anchors, Cause, ErrorEstimate, Flows, HiddenState, Interval, Method, NodeStates, SetupError,
     State, StepError, Suspect, Work,
 };
-use springs_assembly::{System, compile};
-use springs_scene::{self as scene, Scene, StepControl};
+use springs_assembly::{Compilation, System, compile_with};
+use springs_scene::{self as scene, RunOptions, Scene, StepControl};
 use springs_solver::Interrupt;
 
 /// A compiled scene with a method that advances it.
@@ -67,15 +67,22 @@ impl Stepper {
     ///
     /// If the scene is wrong or the method cannot move it.
     pub fn new(scene: &Scene) -> Result<Self, SetupError> {
-        let mut scene = scene.clone();
-        let settings = &mut scene.settings;
-        settings.skip = false;
+        Self::with_options(scene, &RunOptions::default())
+    }
+
+    /// The same, with threads and linear systems as the options say.
+    ///
+    /// # Errors
+    ///
+    /// If the scene is wrong or the method cannot move it.
+    pub fn with_options(scene: &Scene, options: &RunOptions) -> Result<Self, SetupError> {
+        let mut settings = scene.settings;
         let is_open = !matches!(settings.step, StepControl::Fixed(_));
         if settings.method == scene::Method::Auto && is_open {
             settings.method = scene::Method::TrBdf2;
         }
-        let system = compile(&scene)?;
-        let method = start(&scene, &system)?.method;
+        let system = compile_with(scene, Compilation::complete())?;
+        let method = start(scene, (&settings, options), &system)?.method;
         Ok(Self::with_method(system, method))
     }
 

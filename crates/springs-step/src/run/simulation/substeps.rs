@@ -25,7 +25,7 @@ impl Simulation {
                     | Cause::Interrupted
             )
         };
-        let is_allowed = self.substeps_are_allowed
+        let is_allowed = self.choice.options.substeps
             && !self.choice.properties().is_some_and(|row| row.keeps_step);
         if !is_allowed || is_final(error.cause) {
             return Err(error);
