@@ -7,7 +7,7 @@ use springs_io::{
     SwitchReport, TrialsReport,
 };
 use springs_scene::Scene;
-use springs_step::{Account, Islands, Pace, Part, StepError, Work};
+use springs_step::{Account, Islands, Pace, Part, StepError};
 use std::time::Duration;
 
 /// How a run ended.
@@ -71,7 +71,8 @@ pub fn report(
 ) -> Report {
     let largest = islands.largest().simulation();
     let choice = largest.choice();
-    let Work { counts, phases } = islands.work();
+    let work = islands.work();
+    let (counts, phases) = (work.counts, work.phases);
     let trials = islands.trial_work();
     Report {
         springs_version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -178,11 +179,7 @@ fn switches(islands: &Islands) -> Vec<SwitchReport> {
 
 fn energy(islands: &Islands, mut turned_over: TurnedOver) -> EnergyReport {
     let (ledger, end) = (islands.ledger(), islands.energy());
-    turned_over.look(&Account {
-        time: islands.time(),
-        energy: end,
-        ledger,
-    });
+    turned_over.look(&islands.account());
     EnergyReport {
         start: energy_sum(&ledger.start),
         end: energy_sum(&end),

@@ -97,13 +97,9 @@ impl Sinks {
     ///
     /// The first of theirs.
     pub fn account(&mut self, account: &Account) -> Result<(), WriteError> {
-        let Account {
-            time,
-            energy,
-            ledger,
-        } = account;
+        let (energy, ledger) = (&account.energy, &account.ledger);
         let energies = FrameEnergies {
-            time: *time,
+            time: account.time,
             energy: energy_sum(energy),
             anchor_work: ledger.anchor_work,
             dashpot_heat: ledger.heat.sum(),

@@ -890,6 +890,7 @@ fn slopes(points: &[Point]) -> Vec<f64> {
 
 /// Any law, so that springs with different ones make one batch.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Law {
     /// The linear law.
     Linear(Spring),

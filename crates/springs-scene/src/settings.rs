@@ -109,12 +109,12 @@ pub enum StepControl {
 /// same name in kebab-case on the command line.
 macro_rules! named {
     (
-        $(#[$doc:meta])*
+        $(#[$attribute:meta])*
         $name:ident, $what:literal {
             $($(#[$variant_doc:meta])* $variant:ident = $kebab:literal,)+
         }
     ) => {
-        $(#[$doc])*
+        $(#[$attribute])*
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
         pub enum $name {
             $($(#[$variant_doc])* $variant,)+
@@ -166,6 +166,7 @@ macro_rules! named {
 
 named! {
     /// A time integration method.
+    #[non_exhaustive]
     Method, "method" {
         /// Chosen from the scene.
         Auto = "auto",

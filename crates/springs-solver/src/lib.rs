@@ -72,6 +72,7 @@ impl Default for Options<'_> {
 
 /// How often each kind of work was done.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Counts {
     /// Numeric factorizations of whole matrices.
     pub factorizations: u64,
@@ -84,6 +85,7 @@ pub struct Counts {
 /// What a solver has learned of the last matrices, on which its next choice of a
 /// route depends.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct Experience {
     /// Iterations of the last matrix, for all right-hand sides.
     pub iterations: f64,

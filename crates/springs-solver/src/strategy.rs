@@ -5,6 +5,7 @@ use crate::direct::Direct;
 
 /// Which way systems are solved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Route {
     /// With a factor in double precision.
     Double,

@@ -2,6 +2,7 @@
 
 /// Where solutions are known to lie, and what the matrices are then like.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Subspace {
     /// Anywhere.
     Space,

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 /// How often each kind of work was done.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Counts {
     /// Steps made.
     pub steps: u64,
@@ -37,6 +38,7 @@ pub struct Counts {
 
 /// Where the time of steps went.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Phases {
     /// Forces and matrices.
     pub assembly: Duration,
@@ -48,6 +50,7 @@ pub struct Phases {
 
 /// Counts and times together.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Work {
     /// How often.
     pub counts: Counts,

@@ -6,6 +6,7 @@ use serde::Serialize;
 
 /// The quickest run that stays below an error.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Advice {
     /// The error that was asked for, in m.
     pub error_below: f64,

@@ -72,6 +72,7 @@ impl Default for Options {
 
 /// What a study found out.
 #[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
 pub struct Study {
     /// Name of the scene.
     pub scene: String,
@@ -93,6 +94,7 @@ pub struct Study {
 
 /// Where a study is.
 #[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
 pub struct Progress<'a> {
     /// What is being run; empty while that goes on.
     pub what: &'a str,

@@ -9,6 +9,7 @@ use std::collections::VecDeque;
 
 /// A reference solution and how far it can be trusted.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Reference {
     /// The method that made it, in kebab-case.
     pub method: String,

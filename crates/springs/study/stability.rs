@@ -28,6 +28,7 @@ pub enum Fate {
 
 /// One run of a stability map.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct StabilityTrial {
     /// Method, in kebab-case.
     pub method: String,
@@ -41,6 +42,7 @@ pub struct StabilityTrial {
 
 /// The fate of a scene over step size and stiffness, for each method.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct StabilityMap {
     /// Name of the scene.
     pub scene: String,

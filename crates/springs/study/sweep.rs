@@ -29,6 +29,7 @@ impl Setting {
 
 /// One run of a sweep.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Trial {
     /// Method, in kebab-case.
     pub method: String,
@@ -55,6 +56,7 @@ pub struct Trial {
 
 /// What became of a method.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct MethodSummary {
     /// Method, in kebab-case.
     pub method: String,

@@ -8,6 +8,7 @@ use springs_scene::{self as scene, RunOptions, Settings, Tangent};
 
 /// What a scene is simulated with.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Choice {
     /// The method; `Auto` only before trial runs have found one.
     pub method: scene::Method,

@@ -44,6 +44,7 @@ type Build = fn(&System, &Choice) -> Result<Box<dyn Method>, SolveError>;
 
 /// How a method meets a tolerance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum ToleranceKind {
     /// By an estimate of its own.
     Estimate,

@@ -407,7 +407,8 @@ impl Islands {
         self.parts.iter().map(steps).max().unwrap_or(0)
     }
 
-    fn account(&self) -> Account {
+    /// Its energies now.
+    pub fn account(&self) -> Account {
         Account {
             time: self.time,
             energy: self.energy(),

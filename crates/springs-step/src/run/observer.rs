@@ -6,6 +6,7 @@ use std::ops::ControlFlow;
 
 /// Positions and velocities at one of the times asked for.
 #[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
 pub struct Frame<'a> {
     /// Counted from 0.
     pub index: usize,
@@ -17,6 +18,7 @@ pub struct Frame<'a> {
 
 /// Energies at the end of a step or at the time of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Account {
     /// In s.
     pub time: f64,
