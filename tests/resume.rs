@@ -182,6 +182,38 @@ fn constant_matrices() {
     }
 }
 
+/// On a line, too, whose direction is rounded otherwise wherever its nodes are.
+#[test]
+fn matrices_on_an_oblique_line() {
+    let mut scene = Scene {
+        gravity: Vector3::new(1.5, 1.0, -1.0),
+        ..Scene::default()
+    };
+    for i in 0..6 {
+        scene.add_node(Node {
+            mass: 0.3 + 0.1 * f64::from(i),
+            fixed: i == 0,
+            ..Node::at(Vector3::new(1.5, 1.0, -1.0) * (0.1 * f64::from(i)))
+        });
+    }
+    for i in 0..5 {
+        scene.add_spring(i, i + 1, 80.0 + 7.0 * i as f64);
+    }
+    scene.settings.duration = 1.0;
+    for method in [
+        Method::LinearlyImplicitEuler,
+        Method::ImplicitMidpoint,
+        Method::FilteredLeapfrog,
+    ] {
+        scene.settings.method = method;
+        scene.settings.step = StepControl::Fixed(0.03);
+        assert_eq!(check(&scene, 4), 0, "{method}");
+    }
+    scene.settings.method = Method::TrBdf2;
+    scene.settings.step = StepControl::Tolerance(1e-4);
+    check(&scene, 4);
+}
+
 /// Several parts, and frames between their steps.
 #[test]
 fn islands() {

@@ -469,10 +469,14 @@ impl LinearSystem {
         self.anchor_velocities.copy_from_slice(anchor_velocities);
         let at = self.taken(at);
         timed(&mut work.phases.assembly, || {
-            system.linearize(&at, &mut self.out);
             if self.is_constant {
-                // As in steps that find the matrix made already, to the last bit.
+                // The same bits whenever it is made; forces as in steps that find it
+                // made already.
+                let x = system.initial_positions();
+                system.linearize(&Evaluation { x, ..at }, &mut self.out);
                 system.static_forces(at.x, &mut self.out.forces);
+            } else {
+                system.linearize(&at, &mut self.out);
             }
         });
         let before = self.solver.counts();
