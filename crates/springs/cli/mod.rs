@@ -1,13 +1,16 @@
 //! Commands, their errors and exit codes.
 
 mod check;
+mod checkpoints;
 mod new;
 mod output;
+mod resume;
 mod run;
 mod signals;
 mod source;
 mod study;
 mod summary;
+mod watcher;
 
 use clap::{Parser, Subcommand};
 use springs::io::WriteError;
@@ -28,7 +31,7 @@ enum Command {
     /// Simulate a scene file and write what came out.
     Run(run::RunArguments),
     /// Go on with a run that was stopped, as if it had not been.
-    Resume(run::ResumeArguments),
+    Resume(resume::ResumeArguments),
     /// Say what is in a scene, what will be skipped and what looks wrong.
     Check(check::CheckArguments),
     /// Measure run time against error for a scene, method by method.
@@ -82,7 +85,7 @@ pub(crate) fn main() -> ExitCode {
     let arguments = Arguments::parse();
     let ending = match arguments.command {
         Command::Run(arguments) => run::run(&arguments),
-        Command::Resume(arguments) => run::resume(&arguments),
+        Command::Resume(arguments) => resume::resume(&arguments),
         Command::Check(arguments) => check::check(&arguments),
         Command::Study(arguments) => study::study_command(&arguments),
         Command::New(arguments) => new::new(&arguments),

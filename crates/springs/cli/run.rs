@@ -1,26 +1,22 @@
-//! `springs run`: simulate a scene; `springs resume`: go on where one stopped.
+//! `springs run`: simulate a scene.
 
-use super::output::{CHECKPOINT, Output, lock, make_folder, quoted};
+use super::checkpoints::{About, Every};
+use super::output::{CHECKPOINT, Output, make_folder};
 use super::signals::Signals;
-use super::source::{SceneArguments, at_most_useful};
-use super::{Advised, Ending, Unwritten, say, say_error, summary};
+use super::source::{SceneArguments, default_intervals};
+use super::watcher::{Watcher, progress_bar};
+use super::{Ending, Unwritten, say, say_error, summary};
 use clap::builder::{PossibleValue, PossibleValuesParser};
-use indicatif::{ProgressBar, ProgressStyle};
-use serde::{Deserialize, Serialize};
+use indicatif::ProgressBar;
 use springs::io::{
-    Checkpoint, CheckpointError, ContinueError, Report, RunEnd, RunPlan, SinkKind, WriteError,
-    parse_scene, read_checkpoint, scene_to_string, write_checkpoint,
+    Checkpoint, Report, RunEnd, RunPlan, SinkKind, WriteError, scene_to_string, write_checkpoint,
 };
 use springs::report::{self, Timings, TurnedOver, report};
 use springs::scene::{RunOptions, Scene};
 use springs::sinks::{Marks, SINKS};
 use springs::solver::Interrupt;
-use springs::step::{Account, Frame, Islands, Observer, Outcome, Patience, StepError};
-use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
-use std::str::FromStr;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use springs::step::{Islands, Outcome, Patience, StepError};
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 #[derive(clap::Args)]
@@ -47,108 +43,30 @@ pub(crate) struct RunArguments {
     force: bool,
 }
 
-#[derive(clap::Args)]
-pub(crate) struct ResumeArguments {
-    /// The folder of a run that was stopped
-    #[arg(value_name = "DIR")]
-    folder: PathBuf,
-    /// Threads that may be used; results do not depend on it, and more than 256 are not used [default: all]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    threads: Option<u32>,
-    /// No progress and no summary
-    #[arg(long)]
-    quiet: bool,
-}
-
 /// The names of all outputs.
 fn outputs() -> PossibleValuesParser {
     let value = |kind: &&dyn SinkKind| PossibleValue::new(kind.name()).help(kind.about());
     PossibleValuesParser::new(SINKS.iter().map(value))
 }
 
-/// How often checkpoints are written.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-enum Every {
-    Steps(u64),
-    /// Of simulated time.
-    Seconds(f64),
-}
-
-/// A whole number is one of steps; anything else is seconds.
-impl FromStr for Every {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        if let Ok(steps) = text.parse() {
-            return match steps {
-                0 => Err("it must be one step at least".to_owned()),
-                steps => Ok(Self::Steps(steps)),
-            };
-        }
-        let seconds = text.strip_suffix('s').unwrap_or(text).parse();
-        match seconds {
-            Ok(seconds) if seconds > 0.0 && f64::is_finite(seconds) => Ok(Self::Seconds(seconds)),
-            _ => {
-                Err("steps such as 100, or simulated seconds such as 0.5s, are expected".to_owned())
-            }
-        }
-    }
-}
-
-/// What a checkpoint says about its run, besides its state.
-#[derive(Serialize, Deserialize)]
-struct About {
-    springs_version: String,
-    /// The scene as it was at the start, as a scene file.
-    scene: String,
-    skip: bool,
-    intervals: usize,
-    every: Option<Every>,
-    outputs: Marks,
-    /// Energy that moved so far, in J.
-    turned_over: f64,
-}
-
-impl About {
-    /// A sound check sum does not make a sound run.
-    fn check(&self, scene: &Scene, islands: &Islands) -> Result<(), &'static str> {
-        let duration = scene.settings.duration;
-        let clocks = islands.parts().iter();
-        let clocks = clocks.map(|part| part.simulation().stepper().time());
-        let mut times = clocks.chain([islands.time()]);
-        let nodes = islands.nodes();
-        let mut numbers = nodes.positions.iter().chain(&nodes.velocities).flatten();
-        let most_intervals = default_intervals(scene).max(u32::MAX as usize);
-        if !times.all(|time| (0.0..=duration).contains(&time)) {
-            Err("its time is not one of the run")
-        } else if !numbers.all(|number| number.is_finite()) {
-            Err("a node is nowhere")
-        } else if !(1..=most_intervals).contains(&self.intervals) {
-            Err("its number of frames is not one of a run")
-        } else {
-            Ok(())
-        }
-    }
-}
-
 /// A run on its way.
-struct Run {
-    scene: Scene,
-    options: RunOptions,
-    islands: Islands,
-    folder: PathBuf,
-    intervals: usize,
-    every: Option<Every>,
-    signals: Signals,
-    begin: Instant,
-    setup: Duration,
+pub(super) struct Run {
+    pub(super) scene: Scene,
+    pub(super) options: RunOptions,
+    pub(super) islands: Islands,
+    pub(super) folder: PathBuf,
+    pub(super) intervals: usize,
+    pub(super) every: Option<Every>,
+    pub(super) signals: Signals,
+    pub(super) begin: Instant,
+    pub(super) setup: Duration,
     /// Time of trial runs that an earlier run made.
-    trials_before: Duration,
+    pub(super) trials_before: Duration,
     /// So far.
-    turned_over: TurnedOver,
-    quiet: bool,
+    pub(super) turned_over: TurnedOver,
+    pub(super) quiet: bool,
     /// What was written when the last files began to be.
-    at_the_end: Option<Marks>,
+    pub(super) at_the_end: Option<Marks>,
 }
 
 pub(crate) fn run(arguments: &RunArguments) -> anyhow::Result<Ending> {
@@ -186,90 +104,6 @@ pub(crate) fn run(arguments: &RunArguments) -> anyhow::Result<Ending> {
     run.go(output)
 }
 
-/// 60 a second.
-fn default_intervals(scene: &Scene) -> usize {
-    (60.0 * scene.settings.duration).round().max(1.0) as usize
-}
-
-pub(crate) fn resume(arguments: &ResumeArguments) -> anyhow::Result<Ending> {
-    let begin = Instant::now();
-    let signals = Signals::watch();
-    let folder = &arguments.folder;
-    let path = folder.join(CHECKPOINT);
-    // Nobody may write a checkpoint while it is read.
-    let lock = lock(folder)?;
-    if !path.exists() {
-        return Err(Advised {
-            message: format!("the folder {} holds no checkpoint", quoted(folder)),
-            advice: Some(
-                "runs with --checkpoint leave one until they are finished, and interrupted ones"
-                    .to_owned(),
-            ),
-        }
-        .into());
-    }
-    let read = read_checkpoint(&path).map_err(|error| match error {
-        CheckpointError::OtherVersion { .. } => anyhow::Error::from(Advised {
-            message: error.to_string(),
-            advice: Some(
-                "go on with the program that wrote it, or start the run again with \
-                 `springs run … --force`"
-                    .to_owned(),
-            ),
-        }),
-        other => other.into(),
-    });
-    let Checkpoint { about, words } = read?;
-    let about: About = serde_json::from_str(&about)
-        .map_err(|error| foreign(&path, &format!("it does not say what run it is: {error}")))?;
-    let version = env!("CARGO_PKG_VERSION");
-    if about.springs_version != version {
-        let found = &about.springs_version;
-        let why = format!("springs {found} wrote it, and this is {version}");
-        return Err(foreign(&path, &why).into());
-    }
-    let (scene, mut options) = parse_scene(&path.display().to_string(), &about.scene)?;
-    options.skip = about.skip;
-    options.threads = arguments.threads.map_or(0, at_most_useful);
-    let mut islands = Islands::with_options(&scene, &options)
-        .map_err(|error| foreign(&path, &error.to_string()))?;
-    islands
-        .restore(words)
-        .map_err(|error| foreign(&path, &error.to_string()))?;
-    about
-        .check(&scene, &islands)
-        .map_err(|why| foreign(&path, why))?;
-    let mut run = Run {
-        trials_before: islands.trial_time(),
-        turned_over: TurnedOver(about.turned_over),
-        scene,
-        options,
-        islands,
-        folder: folder.clone(),
-        intervals: about.intervals,
-        every: about.every,
-        signals,
-        begin,
-        setup: begin.elapsed(),
-        quiet: arguments.quiet,
-        at_the_end: None,
-    };
-    run.hear_signals();
-    let output = Output::resume(folder, lock, &run.plan(), &about.outputs);
-    let output = output.map_err(|error| match error {
-        ContinueError::File(error) => anyhow::Error::from(Unwritten::from(error)),
-        other => foreign(&path, &other.to_string()).into(),
-    })?;
-    run.go(output)
-}
-
-fn foreign(path: &Path, why: &str) -> Advised {
-    Advised {
-        message: format!("the run cannot go on from {}: {why}", quoted(path)),
-        advice: Some("start it again with `springs run … --force`".to_owned()),
-    }
-}
-
 /// What came out.
 struct Results {
     ending: report::Ending,
@@ -279,7 +113,7 @@ struct Results {
 
 impl Run {
     /// Simulates to the end, or until something stops it, and writes.
-    fn go(mut self, output: Output) -> anyhow::Result<Ending> {
+    pub(super) fn go(mut self, output: Output) -> anyhow::Result<Ending> {
         let mut watcher = self.watcher(output);
         let running = Instant::now();
         let outcome = self.simulate(&mut watcher);
@@ -324,14 +158,14 @@ impl Run {
     }
 
     /// From now on the first signal is only noted, and the simulation stops soon.
-    fn hear_signals(&mut self) {
+    pub(super) fn hear_signals(&mut self) {
         self.signals.note_the_first();
         let interrupt = Interrupt::from(self.signals.is_interrupted());
         self.islands.set_interrupt(&interrupt);
     }
 
     /// What an output is told before the run.
-    fn plan(&self) -> RunPlan<'_> {
+    pub(super) fn plan(&self) -> RunPlan<'_> {
         RunPlan {
             scene: &self.scene,
             intervals: self.intervals,
@@ -537,139 +371,5 @@ impl Run {
             load.over_time = load.over_time.after(self.islands.time());
         }
         scene
-    }
-}
-
-/// Drawn to standard error, and only if that is a terminal. Its length is
-/// simulated time.
-fn progress_bar() -> ProgressBar {
-    let style = ProgressStyle::with_template("{bar:32} {percent:>3} %  {msg}, {eta} left")
-        .expect("a template that is correct");
-    ProgressBar::new(PROGRESS).with_style(style)
-}
-
-/// Parts of the duration that the progress bar tells apart.
-const PROGRESS: u64 = 10_000;
-
-/// Writes frames, draws progress, notices an interrupt or when a checkpoint is
-/// due.
-struct Watcher {
-    is_interrupted: Arc<AtomicBool>,
-    progress: ProgressBar,
-    last_drawn: Instant,
-    duration: f64,
-    output: Output,
-    stepping: Duration,
-    writing: Duration,
-    failure: Option<Unwritten>,
-    next_checkpoint: Patience,
-    is_due: bool,
-    /// Energy that moved so far.
-    turned_over: TurnedOver,
-    /// When energies are looked at next, in simulated seconds.
-    next_look: f64,
-    is_look_due: bool,
-}
-
-/// Looks at the energies of a run, in equal intervals.
-const LOOKS: f64 = 64.0;
-
-/// Time between two drawings of the progress bar.
-const REDRAW: Duration = Duration::from_millis(100);
-
-impl Watcher {
-    fn is_interrupted(&self) -> bool {
-        self.is_interrupted.load(Ordering::SeqCst)
-    }
-
-    /// A failure ends the run at the next step: what belongs to this one is kept
-    /// to be written later, as long as it is not too much.
-    fn write(
-        &mut self,
-        write: impl FnOnce(&mut Output) -> Result<(), Unwritten>,
-    ) -> ControlFlow<()> {
-        let start = Instant::now();
-        let written = write(&mut self.output);
-        self.writing += start.elapsed();
-        if let Err(error) = written {
-            self.failure.get_or_insert(error);
-            if self.output.n_unwritten() > MOST_UNWRITTEN {
-                return ControlFlow::Break(());
-            }
-        }
-        ControlFlow::Continue(())
-    }
-}
-
-/// Bytes that are kept in memory if they cannot be written.
-const MOST_UNWRITTEN: usize = 1 << 28;
-
-impl Observer for Watcher {
-    fn trial(&mut self, steps: u64) -> ControlFlow<()> {
-        if !self.progress.is_hidden() && self.last_drawn.elapsed() >= REDRAW {
-            self.progress
-                .set_message(format!("{steps} steps of trial runs"));
-            self.last_drawn = Instant::now();
-        }
-        if self.is_interrupted() {
-            ControlFlow::Break(())
-        } else {
-            ControlFlow::Continue(())
-        }
-    }
-
-    fn frame(&mut self, frame: Frame<'_>) -> ControlFlow<()> {
-        self.write(|output| output.frame(frame))
-    }
-
-    fn patience(&self) -> Patience {
-        self.next_checkpoint
-    }
-
-    fn wants_account(&self) -> bool {
-        self.is_look_due || self.output.wants_account()
-    }
-
-    fn account(&mut self, account: Account) -> ControlFlow<()> {
-        self.is_look_due = false;
-        self.turned_over.look(&account);
-        if !self.output.wants_account() {
-            return ControlFlow::Continue(());
-        }
-        self.write(|output| output.account(&account))
-    }
-
-    fn step(&mut self, time: f64, steps: u64) -> ControlFlow<()> {
-        if !self.progress.is_hidden() && self.last_drawn.elapsed() >= REDRAW {
-            let done = time / self.duration;
-            self.progress.set_position((done * PROGRESS as f64) as u64);
-            self.progress.set_message(format!("{time:.3} s simulated"));
-            self.last_drawn = Instant::now();
-        }
-        if time >= self.next_look {
-            self.is_look_due = true;
-            self.next_look = time + self.duration / LOOKS;
-        }
-        self.is_due = self.next_checkpoint.is_used_up(time, steps);
-        if self.is_due || self.is_interrupted() || self.failure.is_some() {
-            ControlFlow::Break(())
-        } else {
-            ControlFlow::Continue(())
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn steps_and_seconds_are_told_apart() {
-        assert_eq!("100".parse(), Ok(Every::Steps(100)));
-        assert_eq!("0.5".parse(), Ok(Every::Seconds(0.5)));
-        assert_eq!("2s".parse(), Ok(Every::Seconds(2.0)));
-        for bad in ["0", "-1", "0.0", "often", "inf", "nans"] {
-            assert!(bad.parse::<Every>().is_err(), "{bad}");
-        }
     }
 }

@@ -213,6 +213,11 @@ pub(crate) fn at_most_useful(threads: u32) -> usize {
     threads.min(MOST_THREADS) as usize
 }
 
+/// Intervals between frames: 60 a second.
+pub(crate) fn default_intervals(scene: &Scene) -> usize {
+    (60.0 * scene.settings.duration).round().max(1.0) as usize
+}
+
 /// A scene and the text it came from.
 pub(crate) struct Source {
     pub(crate) scene: Scene,
