@@ -31,6 +31,7 @@ mod method;
 mod run;
 mod state;
 mod threads;
+mod vectors;
 mod work;
 
 pub use anchors::Anchors;
@@ -39,7 +40,7 @@ pub use control::plan::StepPlan;
 pub use error::{Cause, MethodError, SetupError, StepError, Suspect};
 pub use flows::Flows;
 pub use hidden::{ForeignState, HiddenState};
-pub use implicit::linear::solver_memory;
+pub use implicit::solver_options::solver_memory;
 pub use ledger::Ledger;
 pub use method::dop853::Dop853;
 pub use method::doubling::Doubling;

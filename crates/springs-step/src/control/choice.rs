@@ -1,6 +1,6 @@
 //! What a scene is simulated with.
 
-use crate::implicit::linear::{self, Hessian};
+use crate::implicit::solver_options::{self, Hessian};
 use crate::method::table::{Properties, ToleranceKind, properties};
 use crate::{Method, SetupError};
 use springs_assembly::System;
@@ -82,13 +82,13 @@ impl Choice {
     /// Whether there is a matrix that depends on nothing but the step size.
     pub fn has_constant_matrix(&self, system: &System) -> bool {
         let hessian = self.hessian();
-        hessian.is_some_and(|hessian| linear::is_constant(system, hessian))
+        hessian.is_some_and(|hessian| solver_options::is_constant(system, hessian))
     }
 
     /// Whether there is a matrix whose blocks are multiples of the identity.
     pub fn has_isotropic_matrix(&self, system: &System) -> bool {
         let hessian = self.hessian();
-        hessian.is_some_and(|hessian| linear::is_isotropic(system, hessian))
+        hessian.is_some_and(|hessian| solver_options::is_isotropic(system, hessian))
     }
 
     fn hessian(&self) -> Option<Hessian> {

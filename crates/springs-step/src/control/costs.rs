@@ -1,6 +1,6 @@
 //! What methods cost, counted in advance and afterwards.
 
-use crate::implicit::linear;
+use crate::implicit::solver_options;
 use crate::{Counts, SetupError};
 use springs_assembly::System;
 use springs_solver::Price;
@@ -45,7 +45,7 @@ impl Costs {
 
     pub(super) fn learn_system(&mut self, system: &System) -> Result<(), SetupError> {
         if !self.is_system_known {
-            self.system = linear::price(system)?;
+            self.system = solver_options::price(system)?;
             self.is_system_known = true;
         }
         Ok(())

@@ -1,7 +1,8 @@
 //! Connected parts of a matrix.
 
 use crate::implicit::checked_solver::{CheckCounts, CheckedSolver};
-use crate::implicit::linear::{Hessian, Steps, numbers_mut, solver_options};
+use crate::implicit::solver_options::{Hessian, Steps, solver_options};
+use crate::vectors::numbers_mut;
 use nalgebra::Vector3;
 use springs_assembly::{BlockMatrix, OffDiagonal, System};
 use springs_solver::{Experience, Interrupt, SolveError};

@@ -5,4 +5,6 @@ pub(crate) mod components;
 pub(crate) mod linear;
 pub(crate) mod moving_frame;
 pub(crate) mod response;
+pub(crate) mod solver_options;
 pub(crate) mod stage;
+pub(crate) mod tensions;

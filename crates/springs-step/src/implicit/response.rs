@@ -1,6 +1,6 @@
 //! What springs make of errors of velocities.
 
-use crate::implicit::stage::largest;
+use crate::vectors::largest;
 use crate::work::timed;
 use crate::{Method, State, Work};
 use nalgebra::Vector3;

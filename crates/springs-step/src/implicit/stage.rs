@@ -1,7 +1,8 @@
 //! The implicit stage that all converged methods share, and its Newton solver.
 
-use crate::implicit::linear::{Damping, Hessian, LinearSystem, Linearized, OnDemand, Purpose};
-use crate::method::spread;
+use crate::implicit::linear::{Damping, LinearSystem, Linearized, OnDemand, Purpose};
+use crate::implicit::solver_options::Hessian;
+use crate::vectors::{largest, momenta_of, spread};
 use crate::{HiddenState, MethodError, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::{Evaluation, Projection, System, Weights};
@@ -490,68 +491,4 @@ impl Stage {
         let size = kinetic + potential.sum() + carried.abs() + heat;
         (merit, 1e-13 * size)
     }
-}
-
-/// Tensions of all springs as first guesses of Newton's method, at the start of
-/// a step and at its end.
-pub(crate) struct Tensions {
-    pub(crate) start: Vec<f64>,
-    pub(crate) end: Vec<f64>,
-    are_known: bool,
-}
-
-impl Tensions {
-    pub(crate) fn new(system: &System) -> Self {
-        Self {
-            start: vec![0.0; system.n_carried()],
-            end: vec![0.0; system.n_carried()],
-            are_known: false,
-        }
-    }
-
-    pub(crate) fn forget(&mut self) {
-        self.are_known = false;
-    }
-
-    pub(crate) fn visit(&mut self, state: &mut HiddenState) {
-        state.flag(&mut self.are_known);
-        state.reals(&mut self.start);
-    }
-
-    /// Begins a step at the given positions; `end` is then the guess.
-    pub(crate) fn begin(&mut self, system: &System, x: &[Vector3<f64>]) {
-        if !self.are_known {
-            system.carried(x, &mut self.start);
-            self.are_known = true;
-        }
-        self.end.copy_from_slice(&self.start);
-    }
-
-    pub(crate) fn accept(&mut self) {
-        std::mem::swap(&mut self.start, &mut self.end);
-    }
-}
-
-/// M v of the free blocks, in kg·m/s.
-pub(crate) fn momenta_of(system: &System, v: &[Vector3<f64>], momenta: &mut [Vector3<f64>]) {
-    for (p, (m, v)) in momenta.iter_mut().zip(system.masses().iter().zip(v)) {
-        *p = v * *m;
-    }
-}
-
-/// Where the largest component of a list of vectors is, and its magnitude; NaN
-/// if there is one.
-pub(crate) fn largest(vectors: &[Vector3<f64>]) -> (usize, f64) {
-    let mut found = (0, 0.0);
-    for (index, vector) in vectors.iter().enumerate() {
-        for component in vector.iter() {
-            if component.is_nan() {
-                return (index, f64::NAN);
-            }
-            if component.abs() > found.1 {
-                found = (index, component.abs());
-            }
-        }
-    }
-    found
 }

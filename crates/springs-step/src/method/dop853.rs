@@ -1,6 +1,7 @@
 //! DOP853: the explicit Runge–Kutta method of order 8 of Dormand and Prince.
 
-use crate::method::{spread, time_scale};
+use crate::method::time_scale;
+use crate::vectors::spread;
 use crate::work::timed;
 use crate::{
     Anchors, ErrorEstimate, Flows, HiddenState, Interval, Method, MethodError, State, Work,

@@ -1,8 +1,8 @@
 //! Error control for methods without an estimate of their own.
 
 use crate::implicit::response::Response;
-use crate::implicit::stage::largest;
-use crate::method::{spread, time_scale};
+use crate::method::time_scale;
+use crate::vectors::{largest, spread};
 use crate::{
     Anchors, ErrorEstimate, Flows, HiddenState, Interval, Method, MethodError, State, Work,
 };

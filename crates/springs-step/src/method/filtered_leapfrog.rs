@@ -1,7 +1,8 @@
 //! Filtered leapfrog: Verlet with kicks that pass through a stiffness matrix.
 
 use crate::flows::Impulses;
-use crate::implicit::linear::{Hessian, LinearSystem, Linearized, OnDemand, Purpose};
+use crate::implicit::linear::{LinearSystem, Linearized, OnDemand, Purpose};
+use crate::implicit::solver_options::Hessian;
 use crate::implicit::stage::Stage;
 use crate::{
     Anchors, ErrorEstimate, Flows, HiddenState, Interval, Method, MethodError, State, Work,

@@ -2,7 +2,9 @@
 
 use crate::flows::Impulses;
 use crate::implicit::linear::Damping;
-use crate::implicit::stage::{Stage, StageProblem, Tensions, momenta_of};
+use crate::implicit::stage::{Stage, StageProblem};
+use crate::implicit::tensions::Tensions;
+use crate::vectors::momenta_of;
 use crate::{
     Anchors, ErrorEstimate, Flows, HiddenState, Interval, Method, MethodError, State, Work,
 };

@@ -1,7 +1,9 @@
 //! Implicit midpoint, converged.
 
 use crate::flows::Impulses;
-use crate::implicit::stage::{Stage, StageProblem, Tensions, momenta_of};
+use crate::implicit::stage::{Stage, StageProblem};
+use crate::implicit::tensions::Tensions;
+use crate::vectors::momenta_of;
 use crate::{
     Anchors, ErrorEstimate, Flows, HiddenState, Interval, Method, MethodError, State, Work,
 };

@@ -1,8 +1,9 @@
 //! Linearly implicit Euler: the step of the note, Eqs. 10–14.
 
 use crate::flows::Impulses;
-use crate::implicit::linear::{Damping, Hessian, LinearSystem, Linearized, OnDemand, Purpose};
+use crate::implicit::linear::{Damping, LinearSystem, Linearized, OnDemand, Purpose};
 use crate::implicit::moving_frame::MovingFrame;
+use crate::implicit::solver_options::Hessian;
 use crate::{
     Anchors, ErrorEstimate, Flows, HiddenState, Interval, Method, MethodError, State, Work,
 };

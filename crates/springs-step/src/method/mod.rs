@@ -149,7 +149,7 @@ pub trait Method: Send {
 /// The time, in s, over which an error of velocities grows into one of
 /// positions: the one in which the motion itself changes, speed/acceleration,
 /// but no less than a step and no more than [`LONGEST_TIME_SCALE`]. `speed` is a
-/// [`spread`], so that it is the same in every frame of reference.
+/// [`crate::vectors::spread`], so that it is the same in every frame of reference.
 pub(crate) fn time_scale(speed: f64, acceleration: f64, h: f64) -> f64 {
     let changing = speed / acceleration.max(f64::MIN_POSITIVE);
     changing.clamp(h, LONGEST_TIME_SCALE * h)
@@ -157,17 +157,3 @@ pub(crate) fn time_scale(speed: f64, acceleration: f64, h: f64) -> f64 {
 
 /// In steps.
 const LONGEST_TIME_SCALE: f64 = 1e3;
-
-/// How far the components of velocities are apart: the largest difference of two
-/// blocks, fixed ones included, along an axis. A common velocity adds nothing.
-pub(crate) fn spread(velocities: &[Vector3<f64>]) -> f64 {
-    let Some(first) = velocities.first() else {
-        return 0.0;
-    };
-    let (mut least, mut most) = (*first, *first);
-    for v in velocities {
-        least = least.inf(v);
-        most = most.sup(v);
-    }
-    (most - least).amax()
-}

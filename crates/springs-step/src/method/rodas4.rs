@@ -1,9 +1,10 @@
 //! RODAS4: a Rosenbrock method of order 4.
 
 use crate::flows::work_on;
-use crate::implicit::linear::{Hessian, LinearSystem, Purpose};
-use crate::implicit::stage::largest;
-use crate::method::{spread, time_scale};
+use crate::implicit::linear::{LinearSystem, Purpose};
+use crate::implicit::solver_options::Hessian;
+use crate::method::time_scale;
+use crate::vectors::{largest, spread};
 use crate::work::timed;
 use crate::{
     Anchors, ErrorEstimate, Flows, HiddenState, Interval, Method, MethodError, State, Work,

@@ -1,6 +1,6 @@
 //! The methods and what is known of each: one row a method.
 
-use crate::implicit::linear::Hessian;
+use crate::implicit::solver_options::Hessian;
 use crate::{
     Choice, Dop853, Doubling, FilteredLeapfrog, ImplicitEuler, ImplicitMidpoint,
     LinearlyImplicitEuler, Method, Pace, Rodas4, SetupError, Splitting, TrBdf2,

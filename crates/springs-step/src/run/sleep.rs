@@ -2,7 +2,8 @@
 
 use crate::State;
 use crate::implicit::checked_solver::for_solver;
-use crate::implicit::linear::{Hessian, Steps, numbers_mut, positions_of, solver_options};
+use crate::implicit::solver_options::{Hessian, Steps, positions_of, solver_options};
+use crate::vectors::numbers_mut;
 use nalgebra::Vector3;
 use springs_assembly::{Evaluation, Linearization, Motion, Projection, System, Weights};
 use springs_solver::{Experience, Solver};

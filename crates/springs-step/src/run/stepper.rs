@@ -1,7 +1,7 @@
 //! Single steps: gather, step, copy back.
 
 use crate::control::choose::start;
-use crate::implicit::stage::largest;
+use crate::vectors::largest;
 use crate::{
     Anchors, Cause, ErrorEstimate, Flows, HiddenState, Interval, Method, NodeStates, SetupError,
     State, StepError, Suspect, Work,

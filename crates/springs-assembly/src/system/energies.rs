@@ -1,0 +1,126 @@
+//! Energies of a system, and the work of what holds it.
+
+use super::System;
+use crate::{Emitter, Energy, Evaluation, Lines, Strained};
+use nalgebra::Vector3;
+
+impl System {
+    /// Mechanical energy, in J.
+    pub fn energy(&self, x: &[Vector3<f64>], v: &[Vector3<f64>]) -> Energy {
+        Energy {
+            kinetic: self.kinetic_energy(v),
+            potential: self.lines(|emitter| emitter.energy(x)),
+        }
+    }
+
+    /// A number for each emitter.
+    fn lines(&self, of: impl Fn(&dyn Emitter) -> f64) -> Lines {
+        let mut lines = Lines::default();
+        for (line, emitter) in lines.iter_mut().zip(self.emitters()) {
+            *line = of(emitter);
+        }
+        lines
+    }
+
+    /// ½ Σ m v² of the free blocks, in J.
+    pub fn kinetic_energy(&self, v: &[Vector3<f64>]) -> f64 {
+        let masses_and_velocities = self.masses.iter().zip(v);
+        let kinetic = masses_and_velocities.map(|(mass, v)| 0.5 * mass * v.norm_squared());
+        kinetic.sum()
+    }
+
+    /// Potential energy that forces on free blocks come from, in J.
+    pub fn potential_on_free_blocks(&self, x: &[Vector3<f64>]) -> Lines {
+        self.lines(|emitter| emitter.energy_on_free_blocks(x))
+    }
+
+    /// Potential energy, in J, of terms that are strained by more than a part
+    /// `strain`, and all of those for which that has no meaning.
+    pub fn energy_beyond(&self, strain: f64, x: &[Vector3<f64>]) -> Lines {
+        self.lines(|emitter| emitter.energy_beyond(strain, x))
+    }
+
+    /// The energy, in J, that rounding of coordinates is good for.
+    pub fn energy_of_rounding(&self, x: &[Vector3<f64>]) -> f64 {
+        self.lines(|emitter| emitter.energy_of_rounding(x)).sum()
+    }
+
+    /// Heat that damping forces produce, in W.
+    pub fn dissipation(&self, x: &[Vector3<f64>], v: &[Vector3<f64>]) -> Lines {
+        let mut heat = Lines::default();
+        for (line, emitter) in self.damped() {
+            heat[line] = emitter.dissipation(x, v);
+        }
+        heat
+    }
+
+    /// The largest coordinate, in m, of blocks that something couples with a free one:
+    /// what rounding of lengths is in proportion to.
+    pub fn largest_coordinate(&self, x: &[Vector3<f64>]) -> f64 {
+        let coupled = self.couplings.coupled.iter();
+        let coordinates = coupled.map(|&block| x[block as usize].amax());
+        coordinates.fold(0.0, f64::max)
+    }
+
+    /// The spring that pulls or pushes most at a block.
+    pub fn most_strained_at(&self, block: usize, x: &[Vector3<f64>]) -> Option<Strained> {
+        let strained = self
+            .emitters()
+            .filter_map(|emitter| emitter.most_strained_at(block, x));
+        strained.max_by(|a, b| a.tension.abs().total_cmp(&b.tension.abs()))
+    }
+
+    /// Whether any of the velocities `v` of fixed blocks is not zero.
+    pub fn any_anchor_moves(&self, v: &[Vector3<f64>]) -> bool {
+        v[self.n_free()..].iter().any(|v| *v != Vector3::zeros())
+    }
+
+    /// Power, in W, that moving anchors give against forces that do not depend on
+    /// velocities. What they do between each other is [`Self::between_fixed`].
+    pub fn anchor_power(&self, x: &[Vector3<f64>], v: &[Vector3<f64>]) -> f64 {
+        if !self.any_anchor_moves(v) {
+            return 0.0;
+        }
+        self.emitters()
+            .map(|emitter| emitter.anchor_power(x, v))
+            .sum()
+    }
+
+    /// The same against damping forces.
+    pub fn damping_anchor_power(&self, x: &[Vector3<f64>], v: &[Vector3<f64>]) -> f64 {
+        if !self.any_anchor_moves(v) {
+            return 0.0;
+        }
+        let damped = self.damped();
+        damped
+            .map(|(_, emitter)| emitter.damping_anchor_power(x, v))
+            .sum()
+    }
+
+    /// What [`Self::anchor_power`] changes by, in W, when all blocks move on by `y`,
+    /// in m, and forces change as linearized at `at`, without its damping.
+    pub fn anchor_power_change(&self, at: &Evaluation<'_>, y: &[Vector3<f64>]) -> f64 {
+        let mut change = 0.0;
+        self.each_with_carried(at, |_, emitter, at| {
+            change += emitter.anchor_power_change(at, y)
+        });
+        change
+    }
+
+    /// What anchors do between each other when they go from `start` to `end` at
+    /// constant velocities in a time `h`, in s: heat by emitter, and work, in J.
+    pub fn between_fixed(
+        &self,
+        start: &[Vector3<f64>],
+        end: &[Vector3<f64>],
+        h: f64,
+    ) -> (Lines, f64) {
+        let (mut heat, mut work) = (Lines::default(), 0.0);
+        for (line, emitter) in heat.iter_mut().zip(self.emitters()) {
+            let between = emitter.between_fixed(start, end, h);
+            *line = between.heat;
+            work += between.work;
+        }
+        (heat, work)
+    }
+}

@@ -1,0 +1,159 @@
+//! Trying a candidate out.
+
+use super::{Auto, SHARE};
+use crate::control::controller::Controller;
+use crate::control::trials::{Abandoned, Trials};
+use crate::{Anchors, Interval, State, Work};
+use springs_assembly::System;
+
+/// Attempts that a trial takes at most, and usually.
+const MOST_ATTEMPTS: usize = 4;
+const USUAL_ATTEMPTS: f64 = 2.0;
+/// Implicit methods are not trusted with fewer steps for what is left.
+const FEWEST_STEPS: f64 = 10.0;
+
+/// Where a candidate is tried, and what for.
+#[derive(Clone, Copy)]
+pub(super) struct Task<'a> {
+    pub(super) compiled: (&'a System, &'a Anchors),
+    pub(super) state: &'a State,
+    pub(super) controller: &'a Controller,
+}
+
+/// What became of trying a candidate.
+#[derive(Default)]
+pub(super) struct Trial {
+    /// Cost of a step over its size, in ns/s.
+    pub(super) price: f64,
+    pub(super) step_size: f64,
+}
+
+impl Auto {
+    /// Whether a candidate could be cheaper than `price`, and finding out costs
+    /// little; it is then built. One that cannot be built is no choice.
+    pub(super) fn is_worth_trying(
+        &mut self,
+        system: &System,
+        controller: &Controller,
+        index: usize,
+        price: f64,
+    ) -> bool {
+        let left = controller.left();
+        let longest = self.longest_step(index, left);
+        let candidate = &self.candidates[index];
+        let is_built = candidate.idle.is_some();
+        let attempt = if candidate.is_explicit() {
+            let attempt = candidate.evaluations * candidate.evaluation;
+            if attempt > price * longest {
+                return false;
+            }
+            attempt
+        } else {
+            if !self.costs.is_system_known {
+                // Without fill it would cost at least this.
+                let least = self.costs.attempt_with_matrix() + self.costs.analysis;
+                if least > SHARE * price * left || self.costs.learn_system(system).is_err() {
+                    return false;
+                }
+            }
+            let setup = if is_built { 0.0 } else { self.costs.analysis };
+            self.costs.attempt_with_matrix() + setup / USUAL_ATTEMPTS
+        };
+        USUAL_ATTEMPTS * attempt < SHARE * price * left && self.ensure_built(system, index).is_ok()
+    }
+
+    pub(super) fn longest_step(&self, index: usize, left: f64) -> f64 {
+        match self.candidates[index].longest_step {
+            f64::INFINITY => left / FEWEST_STEPS,
+            stable => stable.min(left),
+        }
+    }
+
+    /// [`Self::try_out`] at the start, and for implicit methods once more where
+    /// the step leads: from rest they would promise steps that they do not keep.
+    pub(super) fn try_out_from_rest(
+        &mut self,
+        task: Task<'_>,
+        index: usize,
+        trials: &mut Trials<'_>,
+    ) -> Result<(Trial, f64), Abandoned> {
+        let (first, cost) = self.try_out(task, index, None, trials)?;
+        if self.candidates[index].is_explicit() || !first.price.is_finite() {
+            return Ok((first, cost));
+        }
+        let mut moving = self.tried.clone();
+        moving.time += first.step_size;
+        let from_there = Task {
+            state: &moving,
+            ..task
+        };
+        let h = Some(first.step_size);
+        let (second, more) = self.try_out(from_there, index, h, trials)?;
+        Ok(match second.price > first.price {
+            true => (second, cost + more),
+            false => (first, cost + more),
+        })
+    }
+
+    /// Finds the step size that suits a candidate, beginning with `h`; also
+    /// returns what that cost.
+    pub(super) fn try_out(
+        &mut self,
+        Task {
+            compiled: (system, anchors),
+            state,
+            controller,
+        }: Task<'_>,
+        index: usize,
+        h: Option<f64>,
+        trials: &mut Trials<'_>,
+    ) -> Result<(Trial, f64), Abandoned> {
+        let longest = self.longest_step(index, controller.left());
+        let candidate = &mut self.candidates[index];
+        let method = candidate.idle.as_mut().expect("it is built");
+        let mut h = h.unwrap_or(longest).min(longest);
+        let mut total = 0.0;
+        let mut trial = Trial {
+            price: f64::INFINITY,
+            step_size: h,
+        };
+        for _ in 0..MOST_ATTEMPTS {
+            self.tried.copy_from(state);
+            method.restart();
+            let interval = Interval {
+                start: state.time,
+                end: state.time + h,
+                size: h,
+            };
+            let mut work = Work::default();
+            let estimate = method
+                .step(system, anchors, interval, &mut self.tried, &mut work)
+                .ok()
+                .flatten();
+            let estimate = estimate.map(|first| {
+                match controller.is_clear(first) {
+                    true => None,
+                    false => method.second_estimate(system, &self.tried, &mut work),
+                }
+                .unwrap_or(first)
+            });
+            trials.work += work;
+            trials.step()?;
+            let cost = self.costs.of_counts(&work.counts, candidate.evaluation);
+            total += cost;
+            let suits = match estimate {
+                Some(estimate) => controller.suitable(h, estimate).min(longest),
+                None => 0.1 * h,
+            };
+            trial = Trial {
+                price: cost / suits,
+                step_size: suits,
+            };
+            if (0.6..1.7).contains(&(suits / h)) {
+                break;
+            }
+            h = suits;
+        }
+        Ok((trial, total))
+    }
+}

@@ -1,0 +1,45 @@
+//! Tensions that are carried along from step to step.
+
+use crate::HiddenState;
+use nalgebra::Vector3;
+use springs_assembly::System;
+
+/// Tensions of all springs as first guesses of Newton's method, at the start of
+/// a step and at its end.
+pub(crate) struct Tensions {
+    pub(crate) start: Vec<f64>,
+    pub(crate) end: Vec<f64>,
+    are_known: bool,
+}
+
+impl Tensions {
+    pub(crate) fn new(system: &System) -> Self {
+        Self {
+            start: vec![0.0; system.n_carried()],
+            end: vec![0.0; system.n_carried()],
+            are_known: false,
+        }
+    }
+
+    pub(crate) fn forget(&mut self) {
+        self.are_known = false;
+    }
+
+    pub(crate) fn visit(&mut self, state: &mut HiddenState) {
+        state.flag(&mut self.are_known);
+        state.reals(&mut self.start);
+    }
+
+    /// Begins a step at the given positions; `end` is then the guess.
+    pub(crate) fn begin(&mut self, system: &System, x: &[Vector3<f64>]) {
+        if !self.are_known {
+            system.carried(x, &mut self.start);
+            self.are_known = true;
+        }
+        self.end.copy_from_slice(&self.start);
+    }
+
+    pub(crate) fn accept(&mut self) {
+        std::mem::swap(&mut self.start, &mut self.end);
+    }
+}
