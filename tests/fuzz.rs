@@ -8,8 +8,8 @@ use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use springs::io::{parse_scene, scene_to_string};
 use springs::scene::{
-    LinearTolerance, Method, Node, RunOptions, Scene, Settings, Spring, StepControl, Tangent,
-    Vector3,
+    Guide, LinearTolerance, Method, Node, RunOptions, Scene, Settings, Spring, StepControl,
+    Tangent, Vector3,
 };
 use springs::step::{Islands, Observer, Outcome};
 use std::ops::ControlFlow;
@@ -60,15 +60,39 @@ fn vector() -> impl Strategy<Value = Vector3<f64>> {
     ]
 }
 
+fn guide() -> impl Strategy<Value = Guide> {
+    let held = prop::sample::select(vec![
+        [true, false, false],
+        [false, true, false],
+        [true, false, true],
+    ]);
+    prop_oneof![held.prop_map(Guide::Held), vector().prop_map(Guide::Along),]
+}
+
 fn node() -> impl Strategy<Value = Node> {
-    (vector(), vector(), magnitude(), prop::bool::weighted(0.25)).prop_map(
-        |(position, velocity, mass, fixed)| Node {
-            position,
-            velocity,
-            mass,
-            fixed,
-        },
+    (
+        vector(),
+        vector(),
+        magnitude(),
+        prop::bool::weighted(0.25),
+        prop::option::weighted(0.15, guide()),
     )
+        .prop_map(|(position, velocity, mass, fixed, guide)| {
+            let guide = guide.filter(|_| !fixed);
+            let velocity = match guide {
+                Some(guide) if guide != Guide::Along(Vector3::zeros()) => {
+                    guide.free_part(&velocity)
+                }
+                _ => velocity,
+            };
+            Node {
+                position,
+                velocity,
+                mass,
+                fixed,
+                guide,
+            }
+        })
 }
 
 fn spring(n_nodes: usize) -> impl Strategy<Value = Spring> {

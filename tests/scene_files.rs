@@ -5,7 +5,7 @@ mod common;
 use common::{Random, tangle};
 use springs::io::{parse_scene, scene_to_string};
 use springs::scene::generate::{Material, block, chain, cloth};
-use springs::scene::{Method, RunOptions, Scene, StepControl, Tangent, Vector3};
+use springs::scene::{Guide, Method, RunOptions, Scene, StepControl, Tangent, Vector3};
 
 fn bits(scene: &Scene) -> Vec<u64> {
     let nodes = scene.nodes.iter().flat_map(|node| {
@@ -98,7 +98,24 @@ fn both_brackets_integers_comments_and_short_forms_are_read() {
     }
 }
 
-/// The example of the scene format, as users know it.
+/// Supports in all their forms.
+#[test]
+fn supports_read_back() {
+    let text = r#"Scene(version: 1, nodes: [
+        (position: (0, 0, 0), fixed: "xyz"),
+        (position: (1, 0, 0), mass: 2, fixed: "zx"),
+        (position: (2, 0, 0), mass: 2, fixed: false, slides: (1, 0, -2)),
+    ])"#;
+    let scene = parse_scene("supports.ron", text).unwrap().0;
+    assert!(scene.nodes[0].fixed && scene.nodes[0].guide.is_none());
+    assert_eq!(scene.nodes[1].guide, Some(Guide::Held([true, false, true])));
+    let direction = Vector3::new(1.0, 0.0, -2.0);
+    assert_eq!(scene.nodes[2].guide, Some(Guide::Along(direction)));
+    let written = scene_to_string(&scene, &RunOptions::default());
+    assert!(written.contains(r#"fixed: "xz""#), "{written}");
+    assert_eq!(parse_scene("again.ron", &written).unwrap().0, scene);
+}
+
 /// Loads in all their forms, and drag.
 #[test]
 fn loads_and_drag_read_back() {
@@ -127,6 +144,7 @@ fn loads_and_drag_read_back() {
     assert_eq!(again, scene);
 }
 
+/// The example of the scene format, as users know it.
 #[test]
 fn the_documented_scene_is_read() {
     let (scene, _) = parse_scene(

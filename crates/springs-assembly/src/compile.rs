@@ -258,7 +258,8 @@ fn motion_of(
     emitters: &[Box<dyn Emitter>],
     couplings: &Couplings,
 ) -> Motion {
-    if !emitters.iter().all(|emitter| emitter.nature().is_central) {
+    let is_guided = scene.nodes.iter().any(|node| node.guide.is_some());
+    if is_guided || !emitters.iter().all(|emitter| emitter.nature().is_central) {
         return Motion::Space;
     }
     let n_free = numbering.n_free();

@@ -39,6 +39,7 @@ mod elements;
 mod emitter;
 mod energy;
 mod gravity;
+mod guides;
 mod loads;
 mod matrix;
 mod motion;

@@ -3,6 +3,7 @@
 mod bounds;
 mod energies;
 
+use crate::guides::Guides;
 use crate::{
     BlockMatrix, BlockPattern, Emitter, Evaluation, Motion, Nature, Numbering, StiffnessKind,
     Weights,
@@ -24,6 +25,7 @@ pub struct System {
     /// Of all emitters that are constant, on the free blocks, in N.
     constant_forces: Vec<Vector3<f64>>,
     couplings: Couplings,
+    guides: Guides,
     motion: Motion,
     pattern: Arc<BlockPattern>,
     initial_positions: Vec<Vector3<f64>>,
@@ -77,10 +79,14 @@ impl System {
         {
             emitter.add_forces(&initial_positions, &mut constant_forces);
         }
+        let guides = Guides::new(scene, &numbering, &pattern);
+        let mut initial_velocities = ordered(|node| node.velocity);
+        guides.project(&mut initial_velocities);
         Self {
             constant_forces,
+            guides,
             initial_positions,
-            initial_velocities: ordered(|node| node.velocity),
+            initial_velocities,
             numbering,
             inverse_masses: masses.iter().map(|mass| 1.0 / mass).collect(),
             masses,
@@ -158,13 +164,24 @@ impl System {
 
     fn has_stiffness_within(&self, kinds: &[StiffnessKind]) -> bool {
         let mut natures = self.natures.iter();
-        natures.all(|nature| kinds.contains(&nature.stiffness))
+        self.guides.is_empty() && natures.all(|nature| kinds.contains(&nature.stiffness))
     }
 
     /// Whether blocks off the diagonal are symmetric.
     pub fn has_symmetric_blocks(&self) -> bool {
         let mut natures = self.natures.iter();
-        natures.all(|nature| nature.has_symmetric_blocks)
+        self.guides.is_empty() && natures.all(|nature| nature.has_symmetric_blocks)
+    }
+
+    /// Free blocks whose nodes may move in part only. All forces on them, and matrices,
+    /// are those of motions that their guides let them have.
+    pub fn guided(&self) -> impl Iterator<Item = usize> {
+        self.guides.blocks()
+    }
+
+    /// Whether all guides let nodes have a common velocity.
+    pub fn may_all_have(&self, velocity: &Vector3<f64>) -> bool {
+        self.guides.let_have(velocity)
     }
 
     /// Which blocks of the matrices are stored.
@@ -196,12 +213,14 @@ impl System {
     pub fn add_loads(&self, time: f64, forces: &mut [Vector3<f64>]) {
         self.loads()
             .for_each(|emitter| emitter.add_loads(time, forces));
+        self.guides.project(forces);
     }
 
     /// Adds what they change by with time, in N/s.
     pub fn add_load_rates(&self, time: f64, rates: &mut [Vector3<f64>]) {
         self.loads()
             .for_each(|emitter| emitter.add_load_rates(time, rates));
+        self.guides.project(rates);
     }
 
     /// All forces on the free blocks, in N, at a time in s.
@@ -236,6 +255,7 @@ impl System {
                 emitter.add_forces(x, forces);
             }
         }
+        self.guides.project(forces);
         forces
     }
 
@@ -270,6 +290,7 @@ impl System {
         for (_, emitter) in self.damped() {
             emitter.add_damping_forces(x, v, forces);
         }
+        self.guides.project(forces);
     }
 
     /// Accelerations of the free blocks, in m/s², at a time in s: forces over masses, which must
@@ -318,6 +339,9 @@ impl System {
         for (force, constant) in out.forces.iter_mut().zip(&self.constant_forces) {
             *force += constant;
         }
+        self.guides.project(&mut out.forces);
+        self.guides.project(&mut out.anchor_load);
+        self.guides.constrain(&mut out.matrix);
     }
 
     /// Every emitter with what is carried along for it.
@@ -399,6 +423,7 @@ impl System {
             *p = y * (at.weights.mass * mass);
         }
         self.each_with_carried(at, |_, emitter, at| emitter.add_products(at, y, product));
+        self.guides.project(product);
     }
 
     /// Adds the product of `damping`·D and `y` on the free blocks; next to nothing to
@@ -419,5 +444,6 @@ impl System {
         for (_, emitter) in self.damped() {
             emitter.add_products(&at, y, product);
         }
+        self.guides.project(product);
     }
 }

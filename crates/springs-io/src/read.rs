@@ -8,7 +8,7 @@ use crate::syntax;
 use nalgebra::Vector3;
 use ron::extensions::Extensions;
 use springs_scene::{
-    Load, Method, Node, OverTime, RunOptions, Scene, Settings, Spring, StepControl,
+    Guide, Load, Method, Node, OverTime, Problem, RunOptions, Scene, Settings, Spring, StepControl,
 };
 use std::fmt;
 use std::io::{self, Read};
@@ -250,8 +250,15 @@ pub fn parse_scene(file: &str, text: &str) -> Result<(Scene, RunOptions), SceneE
         )]));
     }
     let options = options(&entries.simulation);
+    let nodes = entries.nodes.0.iter().enumerate();
+    let twice = nodes.filter(|(_, node)| node.slides.is_some() && node.fixed.0.contains(&true));
+    let twice: Vec<_> = twice
+        .map(|(node, _)| Problem::FixedAndGuided { node })
+        .collect();
     let scene = scene(entries);
     let mut problems = scene.problems();
+    problems.retain(|problem| !twice.contains(problem));
+    problems.extend(twice);
     problems.extend(options.problems());
     if problems.is_empty() {
         return Ok((scene, options));
@@ -289,11 +296,19 @@ fn vector(entry: crate::scene_file::Tuple<3, crate::scene_file::Real>) -> Vector
 }
 
 fn node(entry: NodeEntry) -> Node {
+    let held = entry.fixed.0;
+    let along = entry
+        .slides
+        .map(|direction| Guide::Along(vector(direction)));
     Node {
         position: vector(entry.position),
         velocity: vector(entry.velocity),
         mass: entry.mass.0,
-        fixed: entry.fixed,
+        fixed: held == [true; 3],
+        guide: match held {
+            [true, true, true] | [false, false, false] => along,
+            axes => Some(Guide::Held(axes)),
+        },
     }
 }
 

@@ -64,7 +64,46 @@ pub(crate) struct NodeEntry {
     #[serde(default)]
     pub(crate) mass: Real,
     #[serde(default)]
-    pub(crate) fixed: bool,
+    pub(crate) fixed: Held,
+    pub(crate) slides: Option<Tuple<3, Real>>,
+}
+
+/// The axes along which a node is held: `true` for all, or some as in `"yz"`.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Held(pub(crate) [bool; 3]);
+
+impl<'de> Deserialize<'de> for Held {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Axes;
+
+        impl Visitor<'_> for Axes {
+            type Value = Held;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("true, false or axes such as \"yz\"")
+            }
+
+            fn visit_bool<E: de::Error>(self, value: bool) -> Result<Held, E> {
+                Ok(Held([value; 3]))
+            }
+
+            fn visit_str<E: de::Error>(self, text: &str) -> Result<Held, E> {
+                let mut held = [false; 3];
+                for letter in text.chars() {
+                    match "xyz".find(letter) {
+                        Some(axis) if !held[axis] => held[axis] = true,
+                        _ => return Err(E::invalid_value(de::Unexpected::Str(text), &self)),
+                    }
+                }
+                match text.is_empty() {
+                    true => Err(E::invalid_value(de::Unexpected::Str(text), &self)),
+                    false => Ok(Held(held)),
+                }
+            }
+        }
+
+        deserializer.deserialize_any(Axes)
+    }
 }
 
 #[derive(Deserialize)]

@@ -3,7 +3,9 @@
 use crate::atomic::{Draft, WriteError};
 use crate::scene_file::VERSION;
 use nalgebra::Vector3;
-use springs_scene::{LinearTolerance, Load, Method, OverTime, RunOptions, Scene, StepControl};
+use springs_scene::{
+    Guide, LinearTolerance, Load, Method, OverTime, RunOptions, Scene, StepControl,
+};
 use std::fmt::Write as _;
 use std::io::{self, Write};
 use std::path::Path;
@@ -38,6 +40,17 @@ fn write_text(scene: &Scene, options: &RunOptions, text: &mut dyn Write) -> io::
         push_number(&mut fields, "mass", node.mass);
         if node.fixed {
             fields += ", fixed: true";
+        }
+        match node.guide {
+            None => {}
+            Some(Guide::Held(axes)) => {
+                let held = ['x', 'y', 'z'].into_iter().zip(axes);
+                let held: String = held.filter_map(|(axis, is)| is.then_some(axis)).collect();
+                fields += &format!(", fixed: {held:?}");
+            }
+            Some(Guide::Along(direction)) => {
+                fields += &format!(", slides: {}", tuple(&direction));
+            }
         }
         fields
     });

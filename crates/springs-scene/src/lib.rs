@@ -34,7 +34,7 @@ pub use islands::{Island, Partition};
 pub use load::{Load, OverTime};
 pub use nalgebra::Vector3;
 pub use problems::{Path, Problem};
-pub use scene::{Node, Scene, Spring};
+pub use scene::{Guide, Node, Scene, Spring};
 pub use settings::{
     LinearTolerance, Method, RunOptions, Settings, StepControl, Tangent, UnknownName,
 };

@@ -1,6 +1,6 @@
 //! What can be wrong with a scene, all of it at once.
 
-use crate::{Load, Node, OverTime, RunOptions, Scene, StepControl};
+use crate::{Guide, Load, Node, OverTime, RunOptions, Scene, StepControl};
 use std::fmt;
 
 /// A place in a scene: `nodes[2].mass`, `gravity`, `simulation.step`.
@@ -112,6 +112,31 @@ pub enum Problem {
         /// The node.
         node: usize,
     },
+    /// A node is fixed and guided at once.
+    #[error("node {node} is fixed or held, and slides at the same time")]
+    FixedAndGuided {
+        /// The node.
+        node: usize,
+    },
+    /// A guide holds nothing or everything, or has no direction.
+    #[error("{}", no_guide(*node, guide))]
+    NoGuide {
+        /// The node.
+        node: usize,
+        /// What it is.
+        guide: Guide,
+    },
+    /// A guided node starts with a velocity across its guide.
+    #[error(
+        "the velocity of node {node} must be one that its support lets it have, but it has \
+         {across:?} m/s across it"
+    )]
+    MovesAcross {
+        /// The node.
+        node: usize,
+        /// The part of the velocity across the guide, in m/s.
+        across: f64,
+    },
     /// A free node without mass and without a spring that could hold it.
     #[error("node {node} is free but has no mass, and no spring holds it")]
     Unheld {
@@ -162,6 +187,9 @@ pub enum Problem {
     },
 }
 
+/// Of velocities across a guide, which many steps have added up.
+const ROUNDING: f64 = 1e-9;
+
 /// Steps are not shorter than this, in s.
 const SHORTEST_STEP: f64 = 1e-150;
 
@@ -181,6 +209,16 @@ impl Problem {
             }
             Self::MovesTooFar { node, .. } => Path::Node(node, Some("velocity")),
             Self::Unheld { node } => Path::Node(node, None),
+            Self::FixedAndGuided { node }
+            | Self::NoGuide {
+                node,
+                guide: Guide::Along(_),
+            } => Path::Node(node, Some("slides")),
+            Self::NoGuide {
+                node,
+                guide: Guide::Held(_),
+            } => Path::Node(node, Some("fixed")),
+            Self::MovesAcross { node, .. } => Path::Node(node, Some("velocity")),
             Self::TooFar { node } => Path::Node(node, Some("position")),
             Self::TooLight { node, .. } => Path::Node(node, Some("mass")),
             Self::TooFast { node } => Path::Node(node, Some("velocity")),
@@ -196,12 +234,28 @@ impl Problem {
             Self::NoSuchNode { .. } | Self::NoSuchLoaded { .. } => Some("nodes are counted from 0"),
             Self::NotInOrder { .. } => Some("each time must be later than the one before"),
             Self::EmptyTable { .. } => Some("give it a point (time, factor), or leave it out"),
+            Self::FixedAndGuided { .. } => Some("leave out one of fixed and slides"),
+            Self::NoGuide {
+                guide: Guide::Along(_),
+                ..
+            } => Some("give it the direction along which the node may move"),
+            Self::NoGuide {
+                guide: Guide::Held(_),
+                ..
+            } => Some("write one or two of the axes x, y and z, or true for all"),
             Self::Loop { .. } => Some("join it to another node, or remove it"),
             Self::Unheld { .. } => Some(
                 "give it a mass, give mass or stiffness to a spring at it, or write fixed: true",
             ),
             _ => None,
         }
+    }
+}
+
+fn no_guide(node: usize, guide: &Guide) -> String {
+    match guide {
+        Guide::Held(_) => format!("node {node} must be held along one axis or two"),
+        Guide::Along(_) => format!("the direction in which node {node} slides must not be zero"),
     }
 }
 
@@ -257,6 +311,9 @@ impl Scene {
             problems.all_finite(path("position"), node.position.as_slice());
             problems.all_finite(path("velocity"), node.velocity.as_slice());
             problems.not_negative(path("mass"), node.mass);
+            if let Some(guide) = node.guide {
+                problems.guide(index, node, guide);
+            }
         }
         if problems.0.is_empty() && !self.size().is_finite() {
             // What else is wrong may only come of it.
@@ -353,6 +410,30 @@ impl Problems {
     fn count(&mut self, what: &'static str, count: usize) {
         if u32::try_from(count).is_err() {
             self.0.push(Problem::TooMany { what, count });
+        }
+    }
+
+    fn guide(&mut self, index: usize, node: &Node, guide: Guide) {
+        if node.fixed {
+            return self.0.push(Problem::FixedAndGuided { node: index });
+        }
+        let is_guide = match guide {
+            Guide::Held(axes) => axes.contains(&true) && axes.contains(&false),
+            Guide::Along(direction) => {
+                let path = Path::Node(index, Some("slides"));
+                self.all_finite(path, direction.as_slice());
+                direction.amax() > 0.0
+            }
+        };
+        if !is_guide {
+            return self.0.push(Problem::NoGuide { node: index, guide });
+        }
+        let across = (node.velocity - guide.free_part(&node.velocity)).norm();
+        if across > ROUNDING * node.velocity.norm() {
+            self.0.push(Problem::MovesAcross {
+                node: index,
+                across,
+            });
         }
     }
 

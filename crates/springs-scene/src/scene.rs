@@ -14,6 +14,34 @@ pub struct Node {
     pub mass: f64,
     /// Whether the node follows x₀ + v t whatever pulls at it.
     pub fixed: bool,
+    /// Where a node that is not fixed may move, if not everywhere.
+    pub guide: Option<Guide>,
+}
+
+/// A support that lets a node move in part.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Guide {
+    /// Held along those of the axes x, y, z that are true; one or two of them.
+    Held([bool; 3]),
+    /// Free along this direction only, of any length but zero.
+    Along(Vector3<f64>),
+}
+
+impl Guide {
+    /// The part of a vector along which it lets a node move.
+    pub fn free_part(&self, vector: &Vector3<f64>) -> Vector3<f64> {
+        match self {
+            Self::Held(axes) => {
+                let free = |axis: usize| if axes[axis] { 0.0 } else { vector[axis] };
+                Vector3::new(free(0), free(1), free(2))
+            }
+            Self::Along(direction) => {
+                // Scaled first: squares may overflow.
+                let unit = (direction / direction.amax()).normalize();
+                unit * unit.dot(vector)
+            }
+        }
+    }
 }
 
 impl Node {
@@ -24,6 +52,7 @@ impl Node {
             velocity: Vector3::zeros(),
             mass: 0.0,
             fixed: false,
+            guide: None,
         }
     }
 

@@ -52,6 +52,12 @@ pub(crate) fn check(arguments: &CheckArguments) -> anyhow::Result<Ending> {
         count(scene.nodes.len(), "node"),
         islands.n_free()
     )?;
+    let guided = scene.nodes.iter().filter(|node| node.guide.is_some());
+    match guided.count() {
+        0 => {}
+        1 => writeln!(text, "  1 free node may move in part only")?,
+        guided => writeln!(text, "  {guided} of the free nodes may move in part only")?,
+    }
     let damped = scene.springs.iter().filter(|spring| spring.damping > 0.0);
     writeln!(
         text,

@@ -49,7 +49,7 @@ impl MovingFrame {
                 sum += v * *mass;
             }
         }
-        self.velocity = if weight > 0.0 {
+        self.velocity = if weight > 0.0 && system.may_all_have(&(sum / weight)) {
             sum / weight
         } else {
             Vector3::zeros()
