@@ -28,14 +28,15 @@ fn dependencies(of: &str) -> BTreeSet<String> {
 #[test]
 fn dependencies_point_one_way() {
     // Crate, and which of the others and of the heavy libraries it may know.
-    let allowed: [(&str, &[&str]); 6] = [
+    let allowed: [(&str, &[&str]); 7] = [
         ("springs-math", &["nalgebra"]),
+        ("springs-threads", &[]),
         ("springs-scene", &["nalgebra"]),
         (
             "springs-assembly",
             &["nalgebra", "springs-math", "springs-scene"],
         ),
-        ("springs-solver", &["faer"]),
+        ("springs-solver", &["faer", "springs-threads"]),
         (
             "springs-step",
             &[
@@ -45,6 +46,7 @@ fn dependencies_point_one_way() {
                 "springs-math",
                 "springs-scene",
                 "springs-solver",
+                "springs-threads",
             ],
         ),
         ("springs-io", &["nalgebra", "ron", "serde", "springs-scene"]),
@@ -60,15 +62,18 @@ fn dependencies_point_one_way() {
 }
 
 #[test]
-fn only_the_solver_names_faer() {
+fn only_one_crate_names_faer_and_one_rayon() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     for entry in std::fs::read_dir(root.join("crates")).unwrap() {
         let manifest = entry.unwrap().path().join("Cargo.toml");
         let Ok(text) = std::fs::read_to_string(&manifest) else {
             continue;
         };
-        let is_solver = manifest.to_string_lossy().contains("springs-solver");
-        assert_eq!(text.contains("\nfaer"), is_solver, "{}", manifest.display());
+        for (library, owner) in [("faer", "springs-solver"), ("rayon", "springs-threads")] {
+            let is_owner = manifest.to_string_lossy().contains(owner);
+            let names_it = text.contains(&format!("\n{library}"));
+            assert_eq!(names_it, is_owner, "{library} in {}", manifest.display());
+        }
     }
 }
 
@@ -80,6 +85,7 @@ fn packages_hold_what_they_should() {
     };
     for package in [
         "springs-math",
+        "springs-threads",
         "springs-scene",
         "springs-assembly",
         "springs-solver",

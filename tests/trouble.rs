@@ -4,8 +4,9 @@
 
 mod common;
 
+use common::append;
 use common::desk::{Desk, signal, wait_until};
-use springs::io::{Checkpoint, read_checkpoint, read_scene, write_checkpoint};
+use springs::io::{Checkpoint, read_checkpoint, read_scene, scene_to_string, write_checkpoint};
 use std::collections::BTreeMap;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -25,12 +26,14 @@ fn contents(desk: &Desk, folder: &str) -> BTreeMap<String, Vec<u8>> {
 /// Runs the program with files limited to about so many kilobytes (or half of
 /// that, where the shell counts so).
 fn with_small_files(desk: &Desk, kilobytes: u32, arguments: &str) -> Output {
+    with_limit(desk, &format!("-f {kilobytes}"), arguments)
+}
+
+/// Runs the program with a limit of the shell's `ulimit`.
+fn with_limit(desk: &Desk, limit: &str, arguments: &str) -> Output {
     let program = env!("CARGO_BIN_EXE_springs");
     Command::new("sh")
-        .args([
-            "-c",
-            &format!("ulimit -f {kilobytes}; exec {program} {arguments}"),
-        ])
+        .args(["-c", &format!("ulimit {limit}; exec {program} {arguments}")])
         .current_dir(desk.folder())
         .stdin(Stdio::null())
         .output()
@@ -439,6 +442,35 @@ fn far_too_many_threads_are_as_many_as_help() {
     assert!(desk.report("many")["threads"].as_u64().unwrap() <= 256);
     assert_eq!(desk.read("one/final.ron"), desk.read("many/final.ron"));
     desk.expect(2, "run net.ron --threads 4294967296 --out more");
+}
+
+/// Stacks of 128 MB in 2 GB are few of 256, and there is no room for any of 1 TB.
+#[cfg(target_os = "linux")]
+#[test]
+fn what_no_threads_can_be_started_for_is_done_by_fewer() {
+    let desk = Desk::new();
+    desk.scene("net.ron", "cloth 24 --step 1e-2 --duration 0.03");
+    let (net, options) = read_scene(&desk.path("net.ron")).unwrap();
+    let mut nets = net.clone();
+    append(&mut nets, &net);
+    append(&mut nets, &net);
+    std::fs::write(desk.path("nets.ron"), scene_to_string(&nets, &options)).unwrap();
+    for scene in ["net", "nets"] {
+        let one = format!("{scene}-one");
+        desk.expect(
+            0,
+            &format!("run {scene}.ron --threads 1 --out {one} --quiet"),
+        );
+        for (threads, stack) in [(256, 1u64 << 27), (2, 1 << 40)] {
+            let many = format!("{scene}-{threads}");
+            let arguments = format!("run {scene}.ron --threads {threads} --out {many} --quiet");
+            let stack = format!("RUST_MIN_STACK={stack}");
+            let output = with_limit(&desk, &format!("-v 2000000; export {stack}"), &arguments);
+            assert!(output.status.success(), "{output:?}");
+            let [one, many] = [&one, &many].map(|run| desk.read(&format!("{run}/final.ron")));
+            assert_eq!(one, many, "{scene} on {threads} threads");
+        }
+    }
 }
 
 #[test]

@@ -25,7 +25,6 @@ mod interrupt;
 mod iterative;
 mod ordering;
 mod packing;
-mod parallel;
 mod reduced;
 mod solver;
 mod storage;

@@ -3,7 +3,6 @@
 use super::registers::with_clean_registers;
 use crate::Interrupt;
 use crate::block::dot;
-use crate::parallel::{in_turns, work_off};
 use dyn_stack::MemStack;
 use faer::linalg::cholesky::llt::factor::{LltError, LltRegularization, cholesky_in_place};
 use faer::linalg::matmul::matmul;
@@ -11,6 +10,7 @@ use faer::linalg::matmul::triangular::{BlockStructure, matmul as matmul_triangul
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::prelude::*;
 use faer::{Accum, MatMut, MatRef, Par};
+use springs_threads::in_parallel;
 
 /// Elimination column by column, for narrow fronts; the column where it fails.
 #[inline(always)]
@@ -198,8 +198,8 @@ struct Tiles<'a> {
 }
 
 impl Tiles<'_> {
-    /// Does every piece of work, in turns on several threads if they are wanted;
-    /// none that is left when it is interrupted.
+    /// Does every piece of work, on several threads if they are wanted; none that is
+    /// left when it is interrupted.
     fn each<P: Send>(self, pieces: impl Iterator<Item = P>, work: impl Fn(P) + Sync) {
         let work = |piece| {
             if !self.interrupt.is_requested() {
@@ -210,8 +210,7 @@ impl Tiles<'_> {
             pieces.for_each(work);
             return;
         }
-        let shares = in_turns(pieces, self.threads);
-        work_off(shares, 0..self.threads, |piece, _| work(piece));
+        in_parallel(pieces.collect(), self.threads, work);
     }
 }
 

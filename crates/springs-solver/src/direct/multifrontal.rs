@@ -6,11 +6,11 @@ use super::fronts::Fronts;
 use super::layout::{Layout, update_size};
 use super::substitution::Substitution;
 use crate::Interrupt;
-use crate::parallel::{largest_first, work_off};
 use crate::storage::zeros;
 use dyn_stack::MemBuffer;
 use faer::Par;
 use faer::linalg::cholesky::llt::factor::cholesky_in_place_scratch;
+use springs_threads::{in_parallel_with, largest_first, with_threads};
 use std::ops::Range;
 
 /// A factorization with the fronts of one pattern.
@@ -77,12 +77,24 @@ impl<const D: usize> Multifrontal<D> {
         values: Values<'_, P, Q>,
         interrupt: &Interrupt,
     ) -> Result<(), NoFactor> {
-        let layout = &self.layout;
-        let threads = if layout.flops > WORTH_A_THREAD {
+        let threads = if self.layout.flops > WORTH_A_THREAD {
             self.workspaces.len()
         } else {
             1
         };
+        with_threads(threads, || {
+            self.factorize_on(threads, fronts, values, interrupt)
+        })
+    }
+
+    fn factorize_on<const P: usize, const Q: usize>(
+        &mut self,
+        threads: usize,
+        fronts: &Fronts,
+        values: Values<'_, P, Q>,
+        interrupt: &Interrupt,
+    ) -> Result<(), NoFactor> {
+        let layout = &self.layout;
         let (stacks, top_stack) = self.stacks.split_at_mut(layout.tasks.len());
         let panel_starts = &layout.panel_starts;
         let within = Within::<D, P, Q> {
@@ -91,15 +103,11 @@ impl<const D: usize> Multifrontal<D> {
             layout,
             interrupt,
         };
-        let (my_workspace, other_workspaces) = self
-            .workspaces
-            .split_first_mut()
-            .expect("one thread at least");
         let mut result = Ok(());
         if threads == 1 {
             for (task, stack) in layout.tasks.iter().zip(stacks.iter_mut()) {
                 let panels = &mut self.factor[panel_starts[task.start]..panel_starts[task.end]];
-                let workspace = (&mut *my_workspace, 1);
+                let workspace = (&mut self.workspaces[0], 1);
                 let done = within.run(task.clone(), panels, stack, workspace, |_| None);
                 result = first_failure(result, done);
             }
@@ -121,9 +129,8 @@ impl<const D: usize> Multifrontal<D> {
                 let task = piece.task.clone();
                 task.map(|front| fronts.flops(front)).sum()
             };
-            let shares = largest_first(pieces.into_iter(), threads, flops);
-            let workspaces = std::iter::once(&mut *my_workspace).chain(other_workspaces);
-            let done = work_off(shares, workspaces, |piece, workspace| {
+            let pieces = largest_first(pieces.into_iter(), flops);
+            let done = in_parallel_with(pieces, &mut self.workspaces, |piece, workspace| {
                 within.run(
                     piece.task,
                     piece.panels,
@@ -150,7 +157,7 @@ impl<const D: usize> Multifrontal<D> {
             task_of(front).map(|task| &stacks[task][start..start + size])
         };
         let top = layout.top.iter().copied();
-        let workspace = (my_workspace, threads);
+        let workspace = (&mut self.workspaces[0], threads);
         within.run(
             top,
             &mut self.factor,

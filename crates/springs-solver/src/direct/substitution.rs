@@ -3,8 +3,8 @@
 use super::fronts::Fronts;
 use super::kernels::{dot_in_lanes, subtract_multiple};
 use super::layout::Layout;
-use crate::parallel::{largest_first, work_off};
 use crate::storage::zeros;
+use springs_threads::{in_parallel_with, largest_first, with_threads};
 use std::ops::Range;
 
 /// Workspace of solutions. Like factorizations, they run subtree by subtree and
@@ -27,8 +27,10 @@ pub(crate) struct Substitution<const D: usize> {
     gathered: Vec<Vec<f64>>,
 }
 
-/// Below this number of entries a second thread is not worth waking.
-const WORTH_A_THREAD: usize = 600_000;
+/// Below this number of entries a second thread is not worth waking: where others had
+/// the second core, it made solutions with 7.6e5 to 1.7e6 entries longer by a tenth to a
+/// fifth, and those with 2.2e6 and more took as long as on one.
+const WORTH_A_THREAD: usize = 2_000_000;
 
 impl<const D: usize> Substitution<D> {
     /// `None` without enough memory.
@@ -216,8 +218,26 @@ impl<const D: usize> Substitution<D> {
         factor: &[f64],
         x: &mut [f64],
     ) {
+        let threads = if factor.len() > WORTH_A_THREAD {
+            self.gathered.len()
+        } else {
+            1
+        };
+        with_threads(threads, || {
+            self.solve_on(threads, fronts, layout, factor, x)
+        });
+    }
+
+    fn solve_on(
+        &mut self,
+        threads: usize,
+        fronts: &Fronts,
+        layout: &Layout,
+        factor: &[f64],
+        x: &mut [f64],
+    ) {
         self.outside.fill(0.0);
-        self.run_tasks(Direction::Forward, fronts, layout, factor, x);
+        self.run_tasks((Direction::Forward, threads), fronts, layout, factor, x);
         let (top_x, _) = self.top_x.as_chunks_mut::<D>();
         let (blocks, _) = x.as_chunks_mut::<D>();
         for (target, &column) in top_x.iter_mut().zip(&self.top_columns) {
@@ -252,22 +272,17 @@ impl<const D: usize> Substitution<D> {
         for (&row, target) in rows.zip(outside) {
             *target = top_x[self.top_index[row as usize] as usize];
         }
-        self.run_tasks(Direction::Backward, fronts, layout, factor, x);
+        self.run_tasks((Direction::Backward, threads), fronts, layout, factor, x);
     }
 
     fn run_tasks(
         &mut self,
-        direction: Direction,
+        (direction, threads): (Direction, usize),
         fronts: &Fronts,
         layout: &Layout,
         factor: &[f64],
         x: &mut [f64],
     ) {
-        let threads = if factor.len() > WORTH_A_THREAD {
-            self.gathered.len()
-        } else {
-            1
-        };
         let mut rest = x;
         let mut at = 0;
         let mut rest_outside = &mut self.outside[..];
@@ -310,8 +325,8 @@ impl<const D: usize> Substitution<D> {
         let size = |task: &Task<'_>| {
             (panel_starts[task.fronts.end] - panel_starts[task.fronts.start]) as f64
         };
-        let shares = largest_first(tasks, threads, size);
-        work_off(shares, self.gathered.iter_mut(), |task, gathered| {
+        let tasks = largest_first(tasks, size);
+        in_parallel_with(tasks, &mut self.gathered, |task, gathered| {
             run(task, gathered);
         });
     }

@@ -2,7 +2,6 @@
 
 use crate::run::frames::{Frames, Shown};
 use crate::run::observer::{either, offer};
-use crate::run::parallel::{in_parallel, in_parallel_watched};
 use crate::run::part::{Part, cut};
 use crate::run::simulation::Pause;
 use crate::threads::threads;
@@ -13,6 +12,7 @@ use crate::{
 use springs_assembly::{CompileError, Energy};
 use springs_scene::{RunOptions, Scene};
 use springs_solver::Interrupt;
+use springs_threads::{in_parallel, with_threads, with_threads_watched};
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
@@ -94,8 +94,10 @@ impl Islands {
         };
         let mut of_part = *options;
         of_part.threads = all_threads / threads;
-        let parts = in_parallel(islands, threads, |island| {
-            Part::new(scene, &of_part, island)
+        let parts = with_threads(threads * of_part.threads, || {
+            in_parallel(islands, threads, |island| {
+                Part::new(scene, &of_part, island)
+            })
         });
         let mut parts: Vec<Part> = parts.into_iter().collect::<Result<_, _>>()?;
         // Somebody who runs what does not move at all wants to see its steps.
@@ -307,6 +309,7 @@ impl Islands {
 
     /// Makes the trial runs of all parts.
     fn settle(&mut self, observer: &mut dyn Observer) -> Result<ControlFlow<()>, StepError> {
+        let (at_once, threads) = (self.threads, self.threads());
         let parts = self.parts.iter_mut();
         let open: Vec<&mut Part> = parts
             .filter(|part| part.simulation.needs_trials())
@@ -327,9 +330,10 @@ impl Islands {
             let goes_on = observer.trial(steps.load(Ordering::Relaxed));
             is_stopped.fetch_or(goes_on.is_break(), Ordering::Relaxed);
         };
-        let settled: Vec<_> = if self.threads > 1 {
+        let settled: Vec<_> = if at_once > 1 {
             let settle = |part: &mut Part| part.settle(&mut |_| take_note());
-            in_parallel_watched(open, self.threads, settle, &mut ask)
+            let settle_all = || in_parallel(open, at_once, settle);
+            with_threads_watched(threads, settle_all, &mut ask)
         } else {
             let settle = |part: &mut Part| {
                 part.settle(&mut |_| {
@@ -453,8 +457,7 @@ impl Islands {
         };
         let (now, begins) = (self.time, !self.is_under_way);
         let sleep = self.sleep;
-        let parts: Vec<&mut Part> = self.parts.iter_mut().collect();
-        let done = in_parallel(parts, self.threads, |part| {
+        let done = self.move_parts(|part| {
             if begins {
                 part.fall_asleep(sleep, now);
                 part.save();
@@ -483,12 +486,21 @@ impl Islands {
         first.map_or(Ok(true), Err)
     }
 
+    /// The same with all parts, several at once.
+    fn move_parts<R: Send>(&mut self, work: impl Fn(&mut Part) -> R + Send + Sync) -> Vec<R> {
+        let (at_once, threads) = (self.threads, self.threads());
+        let parts: Vec<&mut Part> = self.parts.iter_mut().collect();
+        if at_once == 1 {
+            return parts.into_iter().map(work).collect();
+        }
+        with_threads(threads, || in_parallel(parts, at_once, work))
+    }
+
     /// After a failure: brings all parts to its time; those that are further by
     /// running them anew from where they were some steps ago. Says whether all got
     /// there.
     fn come_to(&mut self, time: f64) -> bool {
-        let parts: Vec<&mut Part> = self.parts.iter_mut().collect();
-        let done = in_parallel(parts, self.threads, |part| {
+        let done = self.move_parts(|part| {
             // It was there before, so it gets there again.
             part.go_back(time) && part.advance_to(time, Pause::NEVER) == Ok(true)
         });

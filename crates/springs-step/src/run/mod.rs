@@ -4,7 +4,6 @@ pub(crate) mod dense_output;
 pub(crate) mod frames;
 pub(crate) mod islands;
 pub(crate) mod observer;
-pub(crate) mod parallel;
 pub(crate) mod part;
 pub(crate) mod simulation;
 pub(crate) mod sleep;
