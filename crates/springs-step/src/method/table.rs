@@ -217,6 +217,12 @@ impl Properties {
         self.stable_angle.is_some()
     }
 
+    /// Whether vibrations that steps do not resolve die away: energy that a step put
+    /// into stiff springs is gone after the next ones.
+    pub fn damps_unresolved_vibrations(&self) -> bool {
+        !self.is_explicit() && self.tolerance != ToleranceKind::EqualSteps
+    }
+
     /// What the matrix has, if there is one.
     pub(crate) fn hessian(&self, tangent: Option<Tangent>) -> Option<Hessian> {
         (self.hessian)(tangent)
