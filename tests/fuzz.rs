@@ -91,6 +91,7 @@ fn node() -> impl Strategy<Value = Node> {
                 mass,
                 fixed,
                 guide,
+                motion: None,
             }
         })
 }

@@ -142,7 +142,7 @@ impl Method for SymplecticEuler {
             let v = state.v[block];
             state.x[block] += v * interval.size;
         }
-        anchors.place(interval.end, &mut state.x);
+        anchors.place(interval.end, &mut state.x, &mut state.v);
         Ok(None)
     }
 

@@ -116,6 +116,29 @@ fn supports_read_back() {
     assert_eq!(parse_scene("again.ron", &written).unwrap().0, scene);
 }
 
+/// Motions in all their forms but files.
+#[test]
+fn motions_read_back() {
+    let text = r#"Scene(version: 1,
+        motions: {
+            "shake \"1\"": Sine(amplitude: (0, 0.5, 1e-3), frequency: 2.5, phase: 1),
+            "lift": Table([(0, (0, 0, 0)), (1.5, [0, 0, 0.2])]),
+        },
+        nodes: [
+            (position: (0, 0, 0), fixed: true, motion: "lift"),
+            (position: (1, 0, 0), fixed: true, velocity: (1, 0, 0), motion: "shake \"1\""),
+        ],
+    )"#;
+    let scene = parse_scene("motions.ron", text).unwrap().0;
+    let followed: Vec<_> = scene.nodes.iter().map(|node| node.motion).collect();
+    assert_eq!(followed, [Some(1), Some(0)]);
+    // Half way up a smooth rise.
+    let half_way = scene.displacement(0, 0.75).unwrap().displacement.z;
+    assert!((half_way - 0.1).abs() < 1e-15);
+    let written = scene_to_string(&scene, &RunOptions::default());
+    assert_eq!(parse_scene("again.ron", &written).unwrap().0, scene);
+}
+
 /// Loads in all their forms, and drag.
 #[test]
 fn loads_and_drag_read_back() {

@@ -10,7 +10,7 @@ use crate::{
     System,
 };
 use springs_math::spring;
-use springs_scene::{Problem, Scene, Spring};
+use springs_scene::{Node, Problem, Scene, Spring};
 
 /// Why a scene has no system.
 #[derive(Clone, Debug, thiserror::Error)]
@@ -258,8 +258,10 @@ fn motion_of(
     emitters: &[Box<dyn Emitter>],
     couplings: &Couplings,
 ) -> Motion {
-    let is_guided = scene.nodes.iter().any(|node| node.guide.is_some());
-    if is_guided || !emitters.iter().all(|emitter| emitter.nature().is_central) {
+    // Both may lead out of a plane.
+    let leaves = |node: &Node| node.guide.is_some() || node.motion.is_some();
+    if scene.nodes.iter().any(leaves) || !emitters.iter().all(|emitter| emitter.nature().is_central)
+    {
         return Motion::Space;
     }
     let n_free = numbering.n_free();

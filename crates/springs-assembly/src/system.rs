@@ -4,6 +4,7 @@ mod bounds;
 mod energies;
 
 use crate::guides::Guides;
+use crate::prescribed::Prescribed;
 use crate::{
     BlockMatrix, BlockPattern, Emitter, Evaluation, Motion, Nature, Numbering, StiffnessKind,
     Weights,
@@ -26,6 +27,7 @@ pub struct System {
     constant_forces: Vec<Vector3<f64>>,
     couplings: Couplings,
     guides: Guides,
+    prescribed: Arc<[Prescribed]>,
     motion: Motion,
     pattern: Arc<BlockPattern>,
     initial_positions: Vec<Vector3<f64>>,
@@ -63,14 +65,15 @@ impl System {
         (pattern, couplings): (BlockPattern, Couplings),
         motion: Motion,
     ) -> Self {
-        let ordered = |of_node: fn(&springs_scene::Node) -> Vector3<f64>| {
-            let nodes: Vec<_> = scene.nodes.iter().map(of_node).collect();
+        let ordered = |of_node: fn(&Scene, usize) -> Vector3<f64>| {
+            let nodes = 0..scene.nodes.len();
+            let nodes: Vec<_> = nodes.map(|node| of_node(scene, node)).collect();
             let mut blocks = vec![Vector3::zeros(); nodes.len()];
             numbering.gather(&nodes, &mut blocks);
             blocks
         };
         let natures: Vec<Nature> = emitters.iter().map(|emitter| emitter.nature()).collect();
-        let initial_positions = ordered(|node| node.position);
+        let initial_positions = ordered(Scene::start_position);
         let mut constant_forces = vec![Vector3::zeros(); numbering.n_free()];
         for (emitter, _) in emitters
             .iter()
@@ -80,11 +83,12 @@ impl System {
             emitter.add_forces(&initial_positions, &mut constant_forces);
         }
         let guides = Guides::new(scene, &numbering, &pattern);
-        let mut initial_velocities = ordered(|node| node.velocity);
+        let mut initial_velocities = ordered(Scene::start_velocity);
         guides.project(&mut initial_velocities);
         Self {
             constant_forces,
             guides,
+            prescribed: Prescribed::of_scene(scene, &numbering),
             initial_positions,
             initial_velocities,
             numbering,
@@ -171,6 +175,11 @@ impl System {
     pub fn has_symmetric_blocks(&self) -> bool {
         let mut natures = self.natures.iter();
         self.guides.is_empty() && natures.all(|nature| nature.has_symmetric_blocks)
+    }
+
+    /// The motions that fixed blocks follow beside constant velocities.
+    pub fn prescribed(&self) -> &Arc<[Prescribed]> {
+        &self.prescribed
     }
 
     /// Free blocks whose nodes may move in part only. All forces on them, and matrices,

@@ -27,6 +27,7 @@ mod checkpoint;
 mod energies;
 mod growing;
 mod locate;
+mod motions;
 mod read;
 mod report;
 mod scene_file;

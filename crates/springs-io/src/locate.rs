@@ -30,6 +30,11 @@ pub(crate) fn locate(text: &str, path: Path) -> Place {
             Some(Step::Index(index)),
             name.map(Step::Field),
         ],
+        Path::Motion(index, name) => [
+            field("motions"),
+            Some(Step::Index(index)),
+            name.map(Step::Field),
+        ],
         Path::Load(index, name) => [
             field("loads"),
             Some(Step::Index(index)),
@@ -132,13 +137,13 @@ impl<'a> Walker<'a> {
     fn enter(&mut self, step: Step<'_>) -> bool {
         self.skip_while(|c| c.is_alphanumeric() || c == '_');
         self.skip_to_value();
-        if !self.rest().starts_with(['(', '[']) {
+        if !self.rest().starts_with(['(', '[', '{']) {
             return false;
         }
         self.at += 1;
         for index in 0.. {
             self.skip_to_value();
-            if self.rest().is_empty() || self.rest().starts_with([')', ']']) {
+            if self.rest().is_empty() || self.rest().starts_with([')', ']', '}']) {
                 return false;
             }
             let found = match step {

@@ -1,11 +1,11 @@
 //! From a scene file to a scene.
 
 use crate::locate::{Place, locate};
+use crate::motions::{motions, vector};
 use crate::scene_file::{
     LoadEntry, NodeEntry, OverTimeEntry, SceneFile, SimulationEntry, SpringEntry,
 };
 use crate::syntax;
-use nalgebra::Vector3;
 use ron::extensions::Extensions;
 use springs_scene::{
     Guide, Load, Method, Node, OverTime, Problem, RunOptions, Scene, Settings, Spring, StepControl,
@@ -255,7 +255,11 @@ pub fn parse_scene(file: &str, text: &str) -> Result<(Scene, RunOptions), SceneE
     let twice: Vec<_> = twice
         .map(|(node, _)| Problem::FixedAndGuided { node })
         .collect();
-    let scene = scene(entries);
+    let mut findings = Vec::new();
+    let scene = scene(entries, (file, text), &mut findings);
+    if !findings.is_empty() {
+        return Err(wrong(findings));
+    }
     let mut problems = scene.problems();
     problems.retain(|problem| !twice.contains(problem));
     problems.extend(twice);
@@ -277,10 +281,18 @@ fn without_mark(text: &str) -> &str {
 /// More than these help nobody.
 const MOST_FINDINGS: usize = 100;
 
-fn scene(file: SceneFile) -> Scene {
-    let nodes: Vec<Node> = file.nodes.0.into_iter().map(node).collect();
+fn scene(file: SceneFile, at: (&str, &str), findings: &mut Vec<Finding>) -> Scene {
+    let (motions, followed) = motions(file.motions.0, &file.nodes.0, at, findings);
+    let nodes = file.nodes.0.into_iter().zip(followed);
+    let nodes: Vec<Node> = nodes
+        .map(|(entry, motion)| Node {
+            motion,
+            ..node(entry)
+        })
+        .collect();
     let springs = file.springs.0.into_iter();
     Scene {
+        motions,
         name: file.name,
         gravity: vector(file.gravity),
         springs: springs.map(|entry| spring(entry, &nodes)).collect(),
@@ -289,10 +301,6 @@ fn scene(file: SceneFile) -> Scene {
         drag: file.drag.0,
         settings: settings(file.simulation),
     }
-}
-
-fn vector(entry: crate::scene_file::Tuple<3, crate::scene_file::Real>) -> Vector3<f64> {
-    Vector3::from(entry.0.map(|real| real.0))
 }
 
 fn node(entry: NodeEntry) -> Node {
@@ -309,6 +317,7 @@ fn node(entry: NodeEntry) -> Node {
             [true, true, true] | [false, false, false] => along,
             axes => Some(Guide::Held(axes)),
         },
+        motion: None,
     }
 }
 

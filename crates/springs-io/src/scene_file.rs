@@ -1,7 +1,7 @@
 //! Version 1 of the scene file, field by field.
 
 use serde::Deserialize;
-use serde::de::{self, Deserializer, SeqAccess, Visitor};
+use serde::de::{self, Deserializer, MapAccess, SeqAccess, Visitor};
 use std::fmt;
 use std::marker::PhantomData;
 
@@ -23,6 +23,8 @@ pub(crate) struct SceneFile {
     pub(crate) springs: List<SpringEntry>,
     #[serde(default)]
     pub(crate) loads: List<LoadEntry>,
+    #[serde(default)]
+    pub(crate) motions: ByName<MotionEntry>,
     #[serde(default)]
     pub(crate) drag: Real,
     #[serde(default)]
@@ -66,6 +68,25 @@ pub(crate) struct NodeEntry {
     #[serde(default)]
     pub(crate) fixed: Held,
     pub(crate) slides: Option<Tuple<3, Real>>,
+    pub(crate) motion: Option<String>,
+}
+
+/// `(time, (x, y, z))`.
+#[derive(Deserialize)]
+pub(crate) struct TimedPoint(pub(crate) Real, pub(crate) Tuple<3, Real>);
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, rename = "Motion")]
+pub(crate) enum MotionEntry {
+    Sine {
+        amplitude: Tuple<3, Real>,
+        frequency: Real,
+        #[serde(default)]
+        phase: Real,
+    },
+    Table(List<TimedPoint>),
+    /// Rows of time, x, y, z in a file beside the scene.
+    Csv(String),
 }
 
 /// The axes along which a node is held: `true` for all, or some as in `"yz"`.
@@ -272,6 +293,45 @@ where
         }
 
         deserializer.deserialize_any(Entries::<N, T>(PhantomData))
+    }
+}
+
+/// `{"name": …, …}` in the order of the file.
+pub(crate) struct ByName<T>(pub(crate) Vec<(String, T)>);
+
+impl<T> Default for ByName<T> {
+    fn default() -> Self {
+        Self(Vec::new())
+    }
+}
+
+impl<'de, T: Deserialize<'de>> Deserialize<'de> for ByName<T> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Entries<T>(PhantomData<T>);
+
+        impl<'de, T: Deserialize<'de>> Visitor<'de> for Entries<T> {
+            type Value = ByName<T>;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("names and what they stand for, as in {\"name\": …}")
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Self::Value, A::Error> {
+                let mut entries: Vec<(String, T)> = Vec::new();
+                while let Some(name) = map.next_key::<String>()? {
+                    if entries.iter().any(|(other, _)| *other == name) {
+                        return Err(de::Error::custom(format_args!(
+                            "the name \"{}\" is there twice",
+                            springs_scene::printable(&name)
+                        )));
+                    }
+                    entries.push((name, map.next_value()?));
+                }
+                Ok(ByName(entries))
+            }
+        }
+
+        deserializer.deserialize_map(Entries(PhantomData))
     }
 }
 

@@ -4,7 +4,8 @@ use crate::atomic::{Draft, WriteError};
 use crate::scene_file::VERSION;
 use nalgebra::Vector3;
 use springs_scene::{
-    Guide, LinearTolerance, Load, Method, OverTime, RunOptions, Scene, StepControl,
+    Guide, LinearTolerance, Load, Method, OverTime, PrescribedMotion, RunOptions, Scene,
+    StepControl,
 };
 use std::fmt::Write as _;
 use std::io::{self, Write};
@@ -26,8 +27,7 @@ pub fn scene_to_string(scene: &Scene, options: &RunOptions) -> String {
 fn write_text(scene: &Scene, options: &RunOptions, text: &mut dyn Write) -> io::Result<()> {
     writeln!(text, "Scene(\n    version: {VERSION},")?;
     if !scene.name.is_empty() {
-        let quoted = ron::to_string(&scene.name).expect("a string");
-        writeln!(text, "    name: {quoted},")?;
+        writeln!(text, "    name: {},", quoted(&scene.name))?;
     }
     if !is_left_out(&scene.gravity) {
         writeln!(text, "    gravity: {},", tuple(&scene.gravity))?;
@@ -40,6 +40,9 @@ fn write_text(scene: &Scene, options: &RunOptions, text: &mut dyn Write) -> io::
         push_number(&mut fields, "mass", node.mass);
         if node.fixed {
             fields += ", fixed: true";
+        }
+        if let Some(motion) = node.motion.and_then(|motion| scene.motions.get(motion)) {
+            fields += &format!(", motion: {}", quoted(&motion.name));
         }
         match node.guide {
             None => {}
@@ -66,6 +69,14 @@ fn write_text(scene: &Scene, options: &RunOptions, text: &mut dyn Write) -> io::
     write_list(text, "springs", springs)?;
     if !scene.loads.is_empty() {
         write_list(text, "loads", scene.loads.iter().map(load))?;
+    }
+    if !scene.motions.is_empty() {
+        writeln!(text, "    motions: {{")?;
+        for motion in &scene.motions {
+            let (name, motion) = (quoted(&motion.name), motion_text(&motion.motion));
+            writeln!(text, "        {name}: {motion},")?;
+        }
+        writeln!(text, "    }},")?;
     }
     if scene.drag.to_bits() != 0 {
         writeln!(text, "    drag: {},", number(scene.drag))?;
@@ -107,6 +118,29 @@ pub fn write_scene(path: &Path, scene: &Scene, options: &RunOptions) -> Result<(
     let mut draft = Draft::begin(path)?;
     draft.write_by(|text| write_text(scene, options, text))?;
     draft.finish()
+}
+
+fn quoted(name: &str) -> String {
+    ron::to_string(name).expect("a string")
+}
+
+fn motion_text(motion: &PrescribedMotion) -> String {
+    match motion {
+        PrescribedMotion::Sine {
+            amplitude,
+            frequency,
+            phase,
+        } => {
+            let (frequency, phase) = (number(*frequency), number(*phase));
+            let amplitude = tuple(amplitude);
+            format!("Sine(amplitude: {amplitude}, frequency: {frequency}, phase: {phase})")
+        }
+        PrescribedMotion::Table(points) => {
+            let points = points.iter();
+            let points = points.map(|(time, at)| format!("({}, {})", number(*time), tuple(at)));
+            format!("Table([{}])", points.collect::<Vec<_>>().join(", "))
+        }
+    }
 }
 
 fn load(load: &Load) -> String {

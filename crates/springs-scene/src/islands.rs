@@ -98,6 +98,7 @@ impl Scene {
             nodes: island.nodes.iter().map(|&node| self.nodes[node]).collect(),
             springs: springs.collect(),
             loads: self.loads_on(&island.nodes),
+            motions: self.motions.clone(),
             drag: self.drag,
             settings: self.settings,
         }

@@ -25,6 +25,7 @@
 pub mod generate;
 mod islands;
 mod load;
+mod prescribed;
 mod problems;
 mod scene;
 mod settings;
@@ -33,8 +34,9 @@ mod text;
 pub use islands::{Island, Partition};
 pub use load::{Load, OverTime};
 pub use nalgebra::Vector3;
+pub use prescribed::{Displacement, PrescribedMotion};
 pub use problems::{Path, Problem};
-pub use scene::{Guide, Node, Scene, Spring};
+pub use scene::{Guide, NamedMotion, Node, Scene, Spring};
 pub use settings::{
     LinearTolerance, Method, RunOptions, Settings, StepControl, Tangent, UnknownName,
 };

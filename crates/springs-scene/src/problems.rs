@@ -1,6 +1,7 @@
 //! What can be wrong with a scene, all of it at once.
 
-use crate::{Guide, Load, Node, OverTime, RunOptions, Scene, StepControl};
+use crate::{Guide, Load, Node, OverTime, PrescribedMotion, RunOptions, Scene, StepControl};
+use nalgebra::Vector3;
 use std::fmt;
 
 /// A place in a scene: `nodes[2].mass`, `gravity`, `simulation.step`.
@@ -16,6 +17,8 @@ pub enum Path {
     Spring(usize, Option<&'static str>),
     /// A field of a load, or the whole load.
     Load(usize, Option<&'static str>),
+    /// A field of a motion, or the whole motion.
+    Motion(usize, Option<&'static str>),
 }
 
 impl fmt::Display for Path {
@@ -26,6 +29,7 @@ impl fmt::Display for Path {
             Self::Node(index, field) => ("nodes", index, field),
             Self::Spring(index, field) => ("springs", index, field),
             Self::Load(index, field) => ("loads", index, field),
+            Self::Motion(index, field) => ("motions", index, field),
         };
         write!(f, "{list}[{index}]")?;
         field.map_or(Ok(()), |field| write!(f, ".{field}"))
@@ -67,6 +71,40 @@ pub enum Problem {
         path: Path,
         /// The number.
         value: f64,
+    },
+    /// A node follows a motion that is not there.
+    #[error("node {node} follows motion {motion}, but the scene has {motions} of them")]
+    NoSuchMotion {
+        /// The node.
+        node: usize,
+        /// The motion it asks for.
+        motion: usize,
+        /// How many there are.
+        motions: usize,
+    },
+    /// A node follows a motion but is not fixed.
+    #[error("node {node} follows a motion, but is not fixed")]
+    MovesFreely {
+        /// The node.
+        node: usize,
+    },
+    /// The times of a motion are not in order.
+    #[error(
+        "the times of motion {motion} are not in order: {before:?} s stands before {after:?} s"
+    )]
+    MotionNotInOrder {
+        /// The motion.
+        motion: usize,
+        /// The first of two times, in s.
+        before: f64,
+        /// The second, in s.
+        after: f64,
+    },
+    /// A motion has no points.
+    #[error("the table of motion {motion} has no points")]
+    EmptyMotion {
+        /// The motion.
+        motion: usize,
     },
     /// A spring refers to a node that is not there.
     #[error("spring {spring} joins node {node}, but {}", available(*nodes))]
@@ -218,6 +256,12 @@ impl Problem {
                 node,
                 guide: Guide::Held(_),
             } => Path::Node(node, Some("fixed")),
+            Self::NoSuchMotion { node, .. } | Self::MovesFreely { node } => {
+                Path::Node(node, Some("motion"))
+            }
+            Self::MotionNotInOrder { motion, .. } | Self::EmptyMotion { motion } => {
+                Path::Motion(motion, None)
+            }
             Self::MovesAcross { node, .. } => Path::Node(node, Some("velocity")),
             Self::TooFar { node } => Path::Node(node, Some("position")),
             Self::TooLight { node, .. } => Path::Node(node, Some("mass")),
@@ -232,7 +276,12 @@ impl Problem {
     pub fn advice(&self) -> Option<&'static str> {
         match self {
             Self::NoSuchNode { .. } | Self::NoSuchLoaded { .. } => Some("nodes are counted from 0"),
-            Self::NotInOrder { .. } => Some("each time must be later than the one before"),
+            Self::NoSuchMotion { .. } => Some("motions are counted from 0"),
+            Self::MovesFreely { .. } => Some("write fixed: true, or leave the motion out"),
+            Self::EmptyMotion { .. } => Some("give it a point (time, (x, y, z)), or leave it out"),
+            Self::MotionNotInOrder { .. } | Self::NotInOrder { .. } => {
+                Some("each time must be later than the one before")
+            }
             Self::EmptyTable { .. } => Some("give it a point (time, factor), or leave it out"),
             Self::FixedAndGuided { .. } => Some("leave out one of fixed and slides"),
             Self::NoGuide {
@@ -267,6 +316,7 @@ fn subject(path: &Path) -> String {
         Path::Node(index, field) => of("node", index, field),
         Path::Spring(index, field) => of("spring", index, field),
         Path::Load(index, field) => of("load", index, field),
+        Path::Motion(index, field) => of("motion", index, field),
     }
 }
 
@@ -311,6 +361,9 @@ impl Scene {
             problems.all_finite(path("position"), node.position.as_slice());
             problems.all_finite(path("velocity"), node.velocity.as_slice());
             problems.not_negative(path("mass"), node.mass);
+            if let Some(motion) = node.motion {
+                problems.follows(index, node, motion, self.motions.len());
+            }
             if let Some(guide) = node.guide {
                 problems.guide(index, node, guide);
             }
@@ -340,6 +393,9 @@ impl Scene {
             if !node.fixed && node.mass == 0.0 && !held[index] {
                 problems.0.push(Problem::Unheld { node: index });
             }
+        }
+        for (index, motion) in self.motions.iter().enumerate() {
+            problems.motion(index, &motion.motion);
         }
         problems.not_negative(Path::Scene("drag"), self.drag);
         for (index, load) in self.loads.iter().enumerate() {
@@ -386,7 +442,10 @@ impl Scene {
             }
         }
         for (node, anchor) in self.nodes.iter().enumerate().filter(|(_, node)| node.fixed) {
-            let end = anchor.position + anchor.velocity * self.settings.duration;
+            let duration = self.settings.duration;
+            let moved = self.displacement(node, duration);
+            let moved = moved.map_or(Vector3::zeros(), |moved| moved.displacement);
+            let end = anchor.position + anchor.velocity * duration + moved;
             let is_far = |value: &&f64| !(**value * **value).is_finite();
             if let Some(&value) = end.iter().find(is_far) {
                 return Some(Problem::MovesTooFar { node, value });
@@ -434,6 +493,47 @@ impl Problems {
                 node: index,
                 across,
             });
+        }
+    }
+
+    fn follows(&mut self, index: usize, node: &Node, motion: usize, motions: usize) {
+        if motion >= motions {
+            self.0.push(Problem::NoSuchMotion {
+                node: index,
+                motion,
+                motions,
+            });
+        } else if !node.fixed {
+            self.0.push(Problem::MovesFreely { node: index });
+        }
+    }
+
+    fn motion(&mut self, index: usize, motion: &PrescribedMotion) {
+        let path = Path::Motion(index, None);
+        match motion {
+            PrescribedMotion::Sine {
+                amplitude,
+                frequency,
+                phase,
+            } => {
+                self.all_finite(path, amplitude.as_slice());
+                self.all_finite(path, &[*frequency, *phase]);
+            }
+            PrescribedMotion::Table(points) => {
+                if points.is_empty() {
+                    self.0.push(Problem::EmptyMotion { motion: index });
+                }
+                for (time, at) in points.iter() {
+                    self.all_finite(path, &[*time, at.x, at.y, at.z]);
+                }
+                let falls = |pair: &&[(f64, _)]| pair[0].0 >= pair[1].0;
+                let found = points.windows(2).find(falls);
+                self.0.extend(found.map(|pair| Problem::MotionNotInOrder {
+                    motion: index,
+                    before: pair[0].0,
+                    after: pair[1].0,
+                }));
+            }
         }
     }
 

@@ -1,6 +1,6 @@
 //! Nodes, springs and the scene that holds them.
 
-use crate::{Load, Settings};
+use crate::{Displacement, Load, PrescribedMotion, Settings};
 use nalgebra::Vector3;
 
 /// A point mass: three coordinates, the note's degrees of freedom.
@@ -16,6 +16,17 @@ pub struct Node {
     pub fixed: bool,
     /// Where a node that is not fixed may move, if not everywhere.
     pub guide: Option<Guide>,
+    /// The index of a motion of the scene that a fixed node follows beside x₀ + v t.
+    pub motion: Option<usize>,
+}
+
+/// A motion with a name for people.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NamedMotion {
+    /// Its name.
+    pub name: String,
+    /// What it is.
+    pub motion: PrescribedMotion,
 }
 
 /// A support that lets a node move in part.
@@ -53,6 +64,7 @@ impl Node {
             mass: 0.0,
             fixed: false,
             guide: None,
+            motion: None,
         }
     }
 
@@ -73,7 +85,7 @@ impl Node {
 
     /// Whether the node is fixed and moves.
     pub fn is_moving_anchor(&self) -> bool {
-        self.fixed && self.velocity != Vector3::zeros()
+        self.fixed && (self.velocity != Vector3::zeros() || self.motion.is_some())
     }
 }
 
@@ -105,6 +117,8 @@ pub struct Scene {
     pub springs: Vec<Spring>,
     /// Forces from outside.
     pub loads: Vec<Load>,
+    /// Motions that fixed nodes may follow.
+    pub motions: Vec<NamedMotion>,
     /// Drag b of every free node, in N·s/m: the force −b v.
     pub drag: f64,
     /// How to simulate it.
@@ -116,6 +130,38 @@ impl Scene {
     pub fn add_node(&mut self, node: Node) -> usize {
         self.nodes.push(node);
         self.nodes.len() - 1
+    }
+
+    /// What the motion of a node adds at a time in s; `None` if it follows none, or
+    /// one that does not exist.
+    pub fn displacement(&self, node: usize, time: f64) -> Option<Displacement> {
+        let motion = self.motions.get(self.nodes[node].motion?)?;
+        Some(motion.motion.at(time))
+    }
+
+    /// Where a node is at time 0, in m.
+    pub fn start_position(&self, node: usize) -> Vector3<f64> {
+        let moved = self.displacement(node, 0.0);
+        let position = self.nodes[node].position;
+        moved.map_or(position, |moved| position + moved.displacement)
+    }
+
+    /// Its velocity at time 0, in m/s.
+    pub fn start_velocity(&self, node: usize) -> Vector3<f64> {
+        let moved = self.displacement(node, 0.0);
+        let velocity = self.nodes[node].velocity;
+        moved.map_or(velocity, |moved| velocity + moved.velocity)
+    }
+
+    /// Makes it the scene that goes on `time` s later, with what varies over time where
+    /// it is then.
+    pub fn shift_time(&mut self, time: f64) {
+        for load in &mut self.loads {
+            load.over_time = load.over_time.after(time);
+        }
+        for motion in &mut self.motions {
+            motion.motion = motion.motion.after(time);
+        }
     }
 
     /// Appends a massless, undamped spring of the given stiffness in N/m, at

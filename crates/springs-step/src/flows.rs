@@ -281,7 +281,10 @@ impl Impulses {
             }
             flows.heat[*line] = taken;
             if self.anchors_move {
-                flows.anchor_work -= work_on(&impulses[n_free..], &v[n_free..]);
+                let fixed = impulses.iter().zip(self.start.iter().zip(v)).skip(n_free);
+                for (impulse, (before, after)) in fixed {
+                    flows.anchor_work -= 0.5 * impulse.dot(&(before + after));
+                }
             }
         }
         flows

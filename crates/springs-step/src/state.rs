@@ -17,9 +17,10 @@ pub struct NodeStates {
 impl NodeStates {
     /// Those of the scene at time 0.
     pub fn of(scene: &Scene) -> Self {
+        let nodes = || 0..scene.nodes.len();
         Self {
-            positions: scene.nodes.iter().map(|node| node.position).collect(),
-            velocities: scene.nodes.iter().map(|node| node.velocity).collect(),
+            positions: nodes().map(|node| scene.start_position(node)).collect(),
+            velocities: nodes().map(|node| scene.start_velocity(node)).collect(),
         }
     }
 
@@ -35,7 +36,8 @@ impl NodeStates {
         state.vectors(&mut self.velocities);
     }
 
-    /// Writes them into the nodes of a scene, so that it continues from here.
+    /// Writes them into the nodes of a scene, so that it continues from here. Loads and
+    /// motions must be those from then on, see [`Scene::shift_time`].
     ///
     /// # Panics
     ///
@@ -43,9 +45,14 @@ impl NodeStates {
     pub fn write_to(&self, scene: &mut Scene) {
         assert_eq!(scene.nodes.len(), self.positions.len(), "the same nodes");
         let states = self.positions.iter().zip(&self.velocities);
-        for (node, (position, velocity)) in scene.nodes.iter_mut().zip(states) {
-            node.position = *position;
-            node.velocity = *velocity;
+        for (index, (position, velocity)) in states.enumerate() {
+            let moved = scene.displacement(index, 0.0);
+            let node = &mut scene.nodes[index];
+            (node.position, node.velocity) = (*position, *velocity);
+            if let Some(moved) = moved {
+                node.position -= moved.displacement;
+                node.velocity -= moved.velocity;
+            }
         }
     }
 }

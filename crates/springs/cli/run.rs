@@ -366,10 +366,8 @@ impl Run {
     /// The scene as the simulation left it.
     fn last(&self) -> Scene {
         let mut scene = self.scene.clone();
+        scene.shift_time(self.islands.time());
         self.islands.nodes().write_to(&mut scene);
-        for load in &mut scene.loads {
-            load.over_time = load.over_time.after(self.islands.time());
-        }
         scene
     }
 }

@@ -70,9 +70,9 @@ impl System {
         strained.max_by(|a, b| a.tension.abs().total_cmp(&b.tension.abs()))
     }
 
-    /// Whether any of the velocities `v` of fixed blocks is not zero.
+    /// Whether any of the velocities `v` of fixed blocks is not zero, or will not stay so.
     pub fn any_anchor_moves(&self, v: &[Vector3<f64>]) -> bool {
-        v[self.n_free()..].iter().any(|v| *v != Vector3::zeros())
+        !self.prescribed.is_empty() || v[self.n_free()..].iter().any(|v| *v != Vector3::zeros())
     }
 
     /// Power, in W, that moving anchors give against forces that do not depend on

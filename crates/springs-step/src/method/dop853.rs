@@ -142,7 +142,7 @@ impl Method for Dop853 {
             self.velocities[stage][..n_free].copy_from_slice(&self.stage.v[..n_free]);
             let time = interval.start + C[stage] * h;
             self.stage.x[n_free..].copy_from_slice(&state.x[n_free..]);
-            anchors.place(time, &mut self.stage.x);
+            anchors.place(time, &mut self.stage.x, &mut self.stage.v);
             let these = &mut self.accelerations[stage];
             accelerate(system, time, &self.stage, these, work);
             self.flows += flows_of(stage, interval, system, &self.stage);
@@ -154,7 +154,7 @@ impl Method for Dop853 {
             state.v[block] += dv * h;
             change = change.max(dv.amax());
         }
-        anchors.place(interval.end, &mut state.x);
+        anchors.place(interval.end, &mut state.x, &mut state.v);
         let speed = spread(&state.v);
         let (block, error) = self.estimate(h, time_scale(speed, change, h));
         let estimate = ErrorEstimate {

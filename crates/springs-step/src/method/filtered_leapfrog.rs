@@ -172,7 +172,7 @@ impl Method for FilteredLeapfrog {
             *v += a * (0.5 * h);
             *x += *v * h;
         }
-        anchors.place(interval.end, &mut state.x);
+        anchors.place(interval.end, &mut state.x, &mut state.v);
         self.accelerate(system, state, h, (interval.end, 0.5 * h), work)?;
         for (v, a) in state.v.iter_mut().zip(&self.next_accelerations) {
             *v += a * (0.5 * h);

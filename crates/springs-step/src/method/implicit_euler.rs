@@ -74,7 +74,7 @@ impl Method for ImplicitEuler {
         self.tensions.begin(system, &state.x);
         momenta_of(system, &state.v, &mut self.momenta);
         self.impulses.begin(system, &state.v);
-        anchors.place(interval.end, &mut state.x);
+        anchors.place(interval.end, &mut state.x, &mut state.v);
         let problem = StageProblem {
             c: interval.size,
             time: interval.end,

@@ -86,7 +86,7 @@ impl Method for ImplicitMidpoint {
         self.impulses.begin(system, &state.v);
         let half = 0.5 * interval.size;
         let middle = interval.start + half;
-        anchors.place(middle, &mut state.x);
+        anchors.place(middle, &mut state.x, &mut state.v);
         let problem = StageProblem {
             c: half,
             time: middle,
@@ -102,7 +102,7 @@ impl Method for ImplicitMidpoint {
             state.x[block] = state.x[block] * 2.0 - self.before.x[block];
             state.v[block] = state.v[block] * 2.0 - self.before.v[block];
         }
-        anchors.place(interval.end, &mut state.x);
+        anchors.place(interval.end, &mut state.x, &mut state.v);
         self.flows = self.impulses.flows(system, &state.v);
         Ok(None)
     }

@@ -183,12 +183,13 @@ impl Method for LinearlyImplicitEuler {
         work: &mut Work,
     ) -> Result<Option<ErrorEstimate>, MethodError> {
         let h = interval.size;
+        anchors.point_at_end(interval, &state.x, &mut state.v);
         self.velocity_step(system, state, (h, interval.end), work)?;
         if self.tangent == Tangent::Filtered {
             self.predict_tensions(system, state, h);
         }
         self.position_step(state, h);
-        anchors.place(interval.end, &mut state.x);
+        anchors.place(interval.end, &mut state.x, &mut state.v);
         Ok(None)
     }
 

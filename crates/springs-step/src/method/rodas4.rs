@@ -221,6 +221,9 @@ impl Method for Rodas4 {
             self.stage.x[..n_free].fill(Vector3::zeros());
             self.stage.x[n_free..].copy_from_slice(&state.v[n_free..]);
             power_drift = system.anchor_power_change(&change_at, &self.stage.x);
+            if anchors.accelerations(interval.start, &mut self.stage.x) {
+                power_drift += system.anchor_power(&state.x, &self.stage.x);
+            }
         }
         let mut works = [0.0; STAGES];
         let mut load_works = [0.0; STAGES];
@@ -235,7 +238,7 @@ impl Method for Rodas4 {
             }
             self.stage.x[n_free..].copy_from_slice(&state.x[n_free..]);
             let time = interval.start + ALPHA[stage] * h;
-            anchors.place(time, &mut self.stage.x);
+            anchors.place(time, &mut self.stage.x, &mut self.stage.v);
             timed(&mut work.phases.assembly, || {
                 system.forces(time, &self.stage.x, &self.stage.v, &mut self.forces);
             });
@@ -274,7 +277,7 @@ impl Method for Rodas4 {
             state.x[block] = self.stage.x[block] + self.stages[STAGES - 1].x[block];
             state.v[block] = v;
         }
-        anchors.place(interval.end, &mut state.x);
+        anchors.place(interval.end, &mut state.x, &mut state.v);
         let last = &self.stages[STAGES - 1];
         let speed = spread(&state.v);
         let ((block, of_x), (_, of_v)) = (largest(&last.x), largest(&last.v));

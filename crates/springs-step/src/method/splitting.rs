@@ -142,7 +142,7 @@ impl Method for Splitting {
         work: &mut Work,
     ) -> Result<Option<ErrorEstimate>, MethodError> {
         let h = interval.size;
-        let is_damped = system.is_damped();
+        let (is_damped, n_free) = (system.is_damped(), system.n_free());
         if !self.accelerations_are_known {
             let start = (interval.start, &state.x[..], &state.v[..]);
             Self::accelerate(system, start, &mut self.accelerations, work);
@@ -186,7 +186,10 @@ impl Method for Splitting {
             } else {
                 interval.start + elapsed
             };
-            anchors.place(time, &mut state.x);
+            anchors.place(time, &mut state.x, &mut state.v);
+            if is_damped {
+                self.seen[n_free..].copy_from_slice(&state.v[n_free..]);
+            }
             let seen = if is_damped { &self.seen } else { &state.v };
             Self::accelerate(system, (time, &state.x, seen), next, work);
             self.impulses.add(system, next_kick, time, &state.x, seen);

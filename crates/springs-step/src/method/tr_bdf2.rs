@@ -290,7 +290,7 @@ impl Method for TrBdf2 {
             state.x[block] += v * c;
         }
         let middle = interval.start + GAMMA * h;
-        anchors.place(middle, &mut state.x);
+        anchors.place(middle, &mut state.x, &mut state.v);
         self.solve(system, (c, middle), state, 1, work)?;
         self.middle.x.copy_from_slice(&state.x);
         self.middle.v.copy_from_slice(&state.v);
@@ -307,7 +307,7 @@ impl Method for TrBdf2 {
             self.momenta[block] = carried * system.masses()[block];
             state.x[block] = self.middle.x[block] * near - self.before.x[block] * far;
         }
-        anchors.place(interval.end, &mut state.x);
+        anchors.place(interval.end, &mut state.x, &mut state.v);
         self.solve(system, (c, interval.end), state, 2, work)?;
         self.impulses
             .add(system, c, interval.end, &state.x, &state.v);

@@ -99,6 +99,7 @@ impl Between {
                 let is_straight = *straight_from > 0.0 && interval.size >= *straight_from;
                 let order = if is_straight { 1 } else { *order };
                 interpolate(order, before, after, interval.size, fraction, out);
+                anchors.place_nodes(system, time, out);
                 Ok(())
             }
             // Methods have no step of no length.

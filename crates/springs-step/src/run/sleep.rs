@@ -40,7 +40,8 @@ impl Rest {
         let mut forces = vec![Vector3::zeros(); system.n_free()];
         system.forces(state.time, &state.x, &state.v, &mut forces);
         let still = |vectors: &[Vector3<f64>]| vectors.iter().all(|v| *v == Vector3::zeros());
-        still(&state.v) && still(&forces) && !system.has_loads()
+        let may_begin = system.has_loads() || !system.prescribed().is_empty();
+        still(&state.v) && still(&forces) && !may_begin
     }
 
     /// How far, in m, any node can still get from where it is: to the
@@ -50,9 +51,7 @@ impl Rest {
     /// the line that the motion stays in, is not positive definite, so that motion
     /// need not end.
     pub(crate) fn reach(&mut self, system: &System, state: &State) -> Option<f64> {
-        let n_free = system.n_free();
-        let anchors = &state.v[n_free..];
-        if anchors.iter().any(|v| *v != Vector3::zeros()) || system.has_loads() {
+        if system.any_anchor_moves(&state.v) || system.has_loads() {
             return None;
         }
         let at = Evaluation {
