@@ -92,6 +92,7 @@ fn node() -> impl Strategy<Value = Node> {
                 fixed,
                 guide,
                 motion: None,
+                drag: None,
             }
         })
 }

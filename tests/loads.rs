@@ -4,7 +4,7 @@ mod common;
 
 use common::{distance, solved};
 use nalgebra::Vector3;
-use springs::scene::{Load, Method, Node, OverTime, RunOptions, Scene, StepControl};
+use springs::scene::{Load, Method, Node, OverTime, Rayleigh, RunOptions, Scene, StepControl};
 use springs::step::{Islands, Outcome, Simulation};
 use std::f64::consts::TAU;
 
@@ -166,4 +166,43 @@ fn a_scene_goes_on_with_its_loads() {
     }
     let second = solved(&scene, Method::Dop853, 1e-10);
     assert!(distance(&second, &through) < 1e-8);
+}
+
+/// A free vibration of a mass on a spring along x: Rayleigh damping decays with
+/// ζ = (α/ω + βω)/2, and a node's own drag goes before that of the scene.
+#[test]
+fn rayleigh_damping_and_own_drag_decay_as_they_should() {
+    let (k, m): (f64, f64) = (50.0, 2.0);
+    let omega = (k / m).sqrt();
+    for (alpha, beta, own, scene_drag) in [
+        (0.6, 0.0, None, 0.0),
+        (0.0, 0.03, None, 0.0),
+        (0.2, 0.01, Some(0.5), 9.0),
+        (0.0, 0.0, Some(0.0), 9.0),
+    ] {
+        let mut scene = driven(0.0, 1.0);
+        scene.loads.clear();
+        scene.nodes[1].position.x = 1.1;
+        scene.nodes[1].drag = own;
+        scene.drag = scene_drag;
+        scene.damping = Rayleigh {
+            mass: alpha,
+            stiffness: beta,
+        };
+        scene.settings.duration = 3.0;
+        let drag = own.unwrap_or(scene_drag);
+        let zeta = (alpha / omega + beta * omega + drag / (m * omega)) / 2.0;
+        let (decay, damped) = (zeta * omega, omega * (1.0 - zeta * zeta).sqrt());
+        let t: f64 = 3.0;
+        let exact =
+            0.1 * (-decay * t).exp() * ((damped * t).cos() + decay / damped * (damped * t).sin());
+        for method in [Method::Dop853, Method::TrBdf2, Method::VelocityVerlet] {
+            let tolerance = 1e-5;
+            let off = (solved(&scene, method, tolerance)[1].x - 1.0 - exact).abs();
+            assert!(
+                off < tolerance,
+                "{method}, α {alpha}, β {beta}, {own:?}: {off:e}"
+            );
+        }
+    }
 }

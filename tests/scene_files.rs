@@ -142,8 +142,8 @@ fn motions_read_back() {
 /// Loads in all their forms, and drag.
 #[test]
 fn loads_and_drag_read_back() {
-    let text = "Scene(version: 1, drag: 0.25,
-        nodes: [(position: (0, 0, 0), mass: 1), (position: (1, 0, 0), mass: 2)],
+    let text = "Scene(version: 1, drag: 0.25, damping: (mass: 0.5, stiffness: 1e-3),
+        nodes: [(position: (0, 0, 0), mass: 1), (position: (1, 0, 0), mass: 2, drag: 0)],
         loads: [
             (nodes: [0, 1], force: (0, 0, -100)),
             (nodes: [1], force: (1, 2, 3), over_time: Ramp(from: 0.5, to: 2)),
@@ -153,6 +153,11 @@ fn loads_and_drag_read_back() {
     )";
     let scene = parse_scene("loads.ron", text).unwrap().0;
     assert_eq!(scene.drag, 0.25);
+    assert_eq!(
+        [scene.nodes[0].drag, scene.nodes[1].drag],
+        [None, Some(0.0)]
+    );
+    assert_eq!(scene.damping.stiffness, 1e-3);
     assert_eq!(scene.loads.len(), 4);
     assert_eq!(scene.loads[0].nodes, [0, 1]);
     assert_eq!(scene.loads[1].over_time.factor(1.25), 0.5);

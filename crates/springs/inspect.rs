@@ -122,7 +122,7 @@ fn list_forces(scene: &Scene, savings: &mut Savings) {
             "always: only mass comes from them, which is counted",
         );
     }
-    if scene.springs.iter().all(|spring| spring.damping == 0.0) {
+    if !scene.has_dashpots() {
         savings.add(
             "no spring has a damping".to_owned(),
             "the damping matrix and the heat of dashpots".to_owned(),

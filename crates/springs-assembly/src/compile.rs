@@ -95,8 +95,7 @@ pub fn compile_with(scene: &Scene, compilation: Compilation) -> Result<System, C
     let gravity = Gravity::new(&scene.gravity, &masses);
     let mut loads = loads_of(scene);
     loads.number(&numbering);
-    let free = (0..scene.nodes.len()).filter(|&node| !scene.nodes[node].fixed);
-    let mut drag = Drag::on(free, scene.drag);
+    let mut drag = Drag::of_nodes(scene.node_drags());
     drag.number(&numbering);
     let mut emitters: Vec<Box<dyn Emitter>> = vec![
         Box::new(springs),
@@ -131,7 +130,7 @@ pub fn compile_with(scene: &Scene, compilation: Compilation) -> Result<System, C
 /// proportion to their stiffnesses, so that this is exact with every projection.
 fn springs_of(scene: &Scene, is_complete: bool) -> Springs {
     // Rest lengths are not negative, so their bits are in their order.
-    let firsts = firsts_of_pairs(scene, is_complete, |spring| {
+    let firsts = firsts_of_pairs(scene, is_complete, |_, spring| {
         (spring.stiffness > 0.0).then_some((spring.rest_length + 0.0).to_bits())
     });
     let mut sums = vec![0.0; scene.springs.len()];
@@ -171,15 +170,16 @@ fn loads_of(scene: &Scene) -> Loads<SceneLoad> {
 /// The springs that have a damping; those between the same two nodes are one, unless
 /// nothing is to be left out: c = Σc.
 fn dashpots_of(scene: &Scene, is_complete: bool) -> Dashpots {
-    let firsts = firsts_of_pairs(scene, is_complete, |spring| {
-        (spring.damping > 0.0).then_some(())
+    let is_damped = |index: usize| scene.dashpot(index) > 0.0;
+    let firsts = firsts_of_pairs(scene, is_complete, |index, _| {
+        is_damped(index).then_some(())
     });
     let mut sums = vec![0.0; scene.springs.len()];
-    for (spring, &first) in scene.springs.iter().zip(&firsts) {
-        sums[first] += spring.damping;
+    for (index, &first) in firsts.iter().enumerate() {
+        sums[first] += scene.dashpot(index);
     }
     let damped = scene.springs.iter().enumerate();
-    let damped = damped.filter(|(index, spring)| spring.damping > 0.0 && firsts[*index] == *index);
+    let damped = damped.filter(|(index, _)| is_damped(*index) && firsts[*index] == *index);
     let dashpots: Vec<_> = damped
         .map(|(index, spring)| (spring.nodes, sums[index]))
         .collect();
@@ -192,7 +192,7 @@ fn dashpots_of(scene: &Scene, is_complete: bool) -> Dashpots {
 fn firsts_of_pairs<T: Ord>(
     scene: &Scene,
     is_complete: bool,
-    trait_of: impl Fn(&Spring) -> Option<T>,
+    trait_of: impl Fn(usize, &Spring) -> Option<T>,
 ) -> Vec<usize> {
     let mut firsts: Vec<usize> = (0..scene.springs.len()).collect();
     if is_complete {
@@ -202,7 +202,7 @@ fn firsts_of_pairs<T: Ord>(
     let mut by_pair: Vec<([usize; 2], T, usize)> = springs
         .filter_map(|(index, spring)| {
             let [a, b] = spring.nodes;
-            Some(([a.min(b), a.max(b)], trait_of(spring)?, index))
+            Some(([a.min(b), a.max(b)], trait_of(index, spring)?, index))
         })
         .collect();
     by_pair.sort_unstable();

@@ -11,10 +11,14 @@ pub(crate) struct Drag {
 }
 
 impl Drag {
-    /// The same on all nodes given; nothing if b is zero.
-    pub(crate) fn on(nodes: impl Iterator<Item = usize>, damping: f64) -> Terms<1, Self> {
-        let nodes = nodes.filter(|_| damping > 0.0);
-        Terms::new("drag", nodes.map(|node| ([node], Self { damping })))
+    /// Of the nodes of a scene, where it is not zero.
+    pub(crate) fn of_nodes(drags: Vec<f64>) -> Terms<1, Self> {
+        let drags = drags.into_iter().enumerate();
+        let drags = drags.filter(|(_, damping)| *damping > 0.0);
+        Terms::new(
+            "drag",
+            drags.map(|(node, damping)| ([node], Self { damping })),
+        )
     }
 }
 

@@ -20,6 +20,7 @@ pub(crate) fn locate(text: &str, path: Path) -> Place {
     let steps = match path {
         Path::Scene(name) => [field(name), None, None],
         Path::Simulation(name) => [field("simulation"), field(name), None],
+        Path::Damping(name) => [field("damping"), field(name), None],
         Path::Node(index, name) => [
             field("nodes"),
             Some(Step::Index(index)),

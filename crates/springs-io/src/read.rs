@@ -8,7 +8,8 @@ use crate::scene_file::{
 use crate::syntax;
 use ron::extensions::Extensions;
 use springs_scene::{
-    Guide, Load, Method, Node, OverTime, Problem, RunOptions, Scene, Settings, Spring, StepControl,
+    Guide, Load, Method, Node, OverTime, Problem, Rayleigh, RunOptions, Scene, Settings, Spring,
+    StepControl,
 };
 use std::fmt;
 use std::io::{self, Read};
@@ -299,6 +300,10 @@ fn scene(file: SceneFile, at: (&str, &str), findings: &mut Vec<Finding>) -> Scen
         nodes,
         loads: file.loads.0.into_iter().map(load).collect(),
         drag: file.drag.0,
+        damping: Rayleigh {
+            mass: file.damping.mass.0,
+            stiffness: file.damping.stiffness.0,
+        },
         settings: settings(file.simulation),
     }
 }
@@ -318,6 +323,7 @@ fn node(entry: NodeEntry) -> Node {
             axes => Some(Guide::Held(axes)),
         },
         motion: None,
+        drag: entry.drag.map(|real| real.0),
     }
 }
 

@@ -28,6 +28,8 @@ pub(crate) struct SceneFile {
     #[serde(default)]
     pub(crate) drag: Real,
     #[serde(default)]
+    pub(crate) damping: DampingEntry,
+    #[serde(default)]
     pub(crate) simulation: SimulationEntry,
 }
 
@@ -69,6 +71,16 @@ pub(crate) struct NodeEntry {
     pub(crate) fixed: Held,
     pub(crate) slides: Option<Tuple<3, Real>>,
     pub(crate) motion: Option<String>,
+    pub(crate) drag: Option<Real>,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields, rename = "Damping")]
+pub(crate) struct DampingEntry {
+    #[serde(default)]
+    pub(crate) mass: Real,
+    #[serde(default)]
+    pub(crate) stiffness: Real,
 }
 
 /// `(time, (x, y, z))`.

@@ -4,7 +4,7 @@ use crate::atomic::{Draft, WriteError};
 use crate::scene_file::VERSION;
 use nalgebra::Vector3;
 use springs_scene::{
-    Guide, LinearTolerance, Load, Method, OverTime, PrescribedMotion, RunOptions, Scene,
+    Guide, LinearTolerance, Load, Method, OverTime, PrescribedMotion, Rayleigh, RunOptions, Scene,
     StepControl,
 };
 use std::fmt::Write as _;
@@ -40,6 +40,9 @@ fn write_text(scene: &Scene, options: &RunOptions, text: &mut dyn Write) -> io::
         push_number(&mut fields, "mass", node.mass);
         if node.fixed {
             fields += ", fixed: true";
+        }
+        if let Some(drag) = node.drag {
+            fields += &format!(", drag: {}", number(drag));
         }
         if let Some(motion) = node.motion.and_then(|motion| scene.motions.get(motion)) {
             fields += &format!(", motion: {}", quoted(&motion.name));
@@ -80,6 +83,11 @@ fn write_text(scene: &Scene, options: &RunOptions, text: &mut dyn Write) -> io::
     }
     if scene.drag.to_bits() != 0 {
         writeln!(text, "    drag: {},", number(scene.drag))?;
+    }
+    let Rayleigh { mass, stiffness } = scene.damping;
+    if [mass, stiffness].map(f64::to_bits) != [0, 0] {
+        let (mass, stiffness) = (number(mass), number(stiffness));
+        writeln!(text, "    damping: (mass: {mass}, stiffness: {stiffness}),")?;
     }
     let settings = &scene.settings;
     let mut fields = String::new();

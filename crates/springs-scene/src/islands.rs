@@ -100,6 +100,7 @@ impl Scene {
             loads: self.loads_on(&island.nodes),
             motions: self.motions.clone(),
             drag: self.drag,
+            damping: self.damping,
             settings: self.settings,
         }
     }

@@ -36,7 +36,7 @@ pub use load::{Load, OverTime};
 pub use nalgebra::Vector3;
 pub use prescribed::{Displacement, PrescribedMotion};
 pub use problems::{Path, Problem};
-pub use scene::{Guide, NamedMotion, Node, Scene, Spring};
+pub use scene::{Guide, NamedMotion, Node, Rayleigh, Scene, Spring};
 pub use settings::{
     LinearTolerance, Method, RunOptions, Settings, StepControl, Tangent, UnknownName,
 };

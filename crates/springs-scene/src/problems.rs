@@ -11,6 +11,8 @@ pub enum Path {
     Scene(&'static str),
     /// A field of the simulation settings.
     Simulation(&'static str),
+    /// A field of the damping of all springs and nodes.
+    Damping(&'static str),
     /// A field of a node, or the whole node.
     Node(usize, Option<&'static str>),
     /// A field of a spring, or the whole spring.
@@ -26,6 +28,7 @@ impl fmt::Display for Path {
         let (list, index, field) = match *self {
             Self::Scene(field) => return f.write_str(field),
             Self::Simulation(field) => return write!(f, "simulation.{field}"),
+            Self::Damping(field) => return write!(f, "damping.{field}"),
             Self::Node(index, field) => ("nodes", index, field),
             Self::Spring(index, field) => ("springs", index, field),
             Self::Load(index, field) => ("loads", index, field),
@@ -313,6 +316,7 @@ fn subject(path: &Path) -> String {
     match *path {
         Path::Scene(field) => format!("{field} "),
         Path::Simulation(field) => format!("the simulation's {field} "),
+        Path::Damping(field) => format!("the {field} part of the damping "),
         Path::Node(index, field) => of("node", index, field),
         Path::Spring(index, field) => of("spring", index, field),
         Path::Load(index, field) => of("load", index, field),
@@ -361,6 +365,9 @@ impl Scene {
             problems.all_finite(path("position"), node.position.as_slice());
             problems.all_finite(path("velocity"), node.velocity.as_slice());
             problems.not_negative(path("mass"), node.mass);
+            if let Some(drag) = node.drag {
+                problems.not_negative(path("drag"), drag);
+            }
             if let Some(motion) = node.motion {
                 problems.follows(index, node, motion, self.motions.len());
             }
@@ -398,6 +405,8 @@ impl Scene {
             problems.motion(index, &motion.motion);
         }
         problems.not_negative(Path::Scene("drag"), self.drag);
+        problems.not_negative(Path::Damping("mass"), self.damping.mass);
+        problems.not_negative(Path::Damping("stiffness"), self.damping.stiffness);
         for (index, load) in self.loads.iter().enumerate() {
             problems.load(index, load, self.nodes.len());
         }

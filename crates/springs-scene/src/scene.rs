@@ -14,6 +14,8 @@ pub struct Node {
     pub mass: f64,
     /// Whether the node follows x₀ + v t whatever pulls at it.
     pub fixed: bool,
+    /// Drag b of a free node, in N·s/m: the force −b v; `None`: that of the scene.
+    pub drag: Option<f64>,
     /// Where a node that is not fixed may move, if not everywhere.
     pub guide: Option<Guide>,
     /// The index of a motion of the scene that a fixed node follows beside x₀ + v t.
@@ -63,6 +65,7 @@ impl Node {
             velocity: Vector3::zeros(),
             mass: 0.0,
             fixed: false,
+            drag: None,
             guide: None,
             motion: None,
         }
@@ -104,6 +107,16 @@ pub struct Spring {
     pub damping: f64,
 }
 
+/// Rayleigh damping: the force −α m v on every free node, and a dashpot β K along every
+/// spring.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Rayleigh {
+    /// α, in 1/s.
+    pub mass: f64,
+    /// β, in s.
+    pub stiffness: f64,
+}
+
 /// Everything that a simulation starts from.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Scene {
@@ -119,8 +132,10 @@ pub struct Scene {
     pub loads: Vec<Load>,
     /// Motions that fixed nodes may follow.
     pub motions: Vec<NamedMotion>,
-    /// Drag b of every free node, in N·s/m: the force −b v.
+    /// Drag b of every free node that has none of its own, in N·s/m: the force −b v.
     pub drag: f64,
+    /// Damping in proportion to masses and stiffnesses.
+    pub damping: Rayleigh,
     /// How to simulate it.
     pub settings: Settings,
 }
@@ -209,6 +224,48 @@ impl Scene {
             }
         }
         masses
+    }
+
+    /// The dashpot along a spring, in N·s/m: its own and what is in proportion to its
+    /// stiffness.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such spring.
+    pub fn dashpot(&self, spring: usize) -> f64 {
+        let spring = &self.springs[spring];
+        spring.damping + self.damping.stiffness * spring.stiffness
+    }
+
+    /// Whether any spring has a dashpot.
+    pub fn has_dashpots(&self) -> bool {
+        (0..self.springs.len()).any(|spring| self.dashpot(spring) > 0.0)
+    }
+
+    /// Whether drag acts on any node.
+    ///
+    /// # Panics
+    ///
+    /// If a spring refers to a node that does not exist.
+    pub fn has_drag(&self) -> bool {
+        self.node_drags().iter().any(|drag| *drag > 0.0)
+    }
+
+    /// The drag of each node that is free, in N·s/m; zero for the others.
+    ///
+    /// # Panics
+    ///
+    /// If a spring refers to a node that does not exist.
+    pub fn node_drags(&self) -> Vec<f64> {
+        let masses = self.node_masses();
+        let drags = self.nodes.iter().zip(masses).map(|(node, mass)| {
+            if node.fixed {
+                0.0
+            } else {
+                node.drag.unwrap_or(self.drag) + self.damping.mass * mass
+            }
+        });
+        drags.collect()
     }
 
     /// Length of the diagonal of the box around all nodes, in m, but no less than

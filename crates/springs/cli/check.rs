@@ -58,7 +58,7 @@ pub(crate) fn check(arguments: &CheckArguments) -> anyhow::Result<Ending> {
         1 => writeln!(text, "  1 free node may move in part only")?,
         guided => writeln!(text, "  {guided} of the free nodes may move in part only")?,
     }
-    let damped = scene.springs.iter().filter(|spring| spring.damping > 0.0);
+    let damped = (0..scene.springs.len()).filter(|&spring| scene.dashpot(spring) > 0.0);
     writeln!(
         text,
         "  {}, {} with damping",
@@ -78,12 +78,16 @@ pub(crate) fn check(arguments: &CheckArguments) -> anyhow::Result<Ending> {
         let loads = count(scene.loads.len(), "load");
         writeln!(text, "  {loads} on {}", count(loaded, "node"))?;
     }
-    if scene.drag > 0.0 {
-        writeln!(
-            text,
-            "  drag {} N·s/m on every free node",
-            short(scene.drag)
-        )?;
+    let drags = scene.node_drags();
+    let drags = drags.into_iter().filter(|drag| *drag > 0.0);
+    if let Some((least, most, nodes)) = range_of(drags) {
+        let (least, most) = (short(least), short(most));
+        let drag = if least == most {
+            least
+        } else {
+            format!("{least} to {most}")
+        };
+        writeln!(text, "  drag {drag} N·s/m on {}", count(nodes, "free node"))?;
     }
     if let Some(weight) = OwnWeight::of(scene) {
         writeln!(
@@ -178,4 +182,10 @@ fn asked_for(scene: &Scene) -> String {
         StepControl::Tolerance(tolerance) => format!("{} m", short(tolerance)),
         _ => "1e-3 of the size".to_owned(),
     }
+}
+
+/// The least and the largest of some numbers, and how many they are.
+fn range_of(numbers: impl Iterator<Item = f64>) -> Option<(f64, f64, usize)> {
+    let one = numbers.map(|number| (number, number, 1));
+    one.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1), a.2 + b.2))
 }

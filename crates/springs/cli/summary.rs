@@ -77,10 +77,7 @@ pub(crate) fn summary(scene: &Scene, report: &Report, folder: &Path, written: &[
     ));
     let mut flows = Vec::new();
     if energy.dashpot_heat != 0.0 {
-        let takers = match (
-            scene.drag > 0.0,
-            scene.springs.iter().any(|s| s.damping > 0.0),
-        ) {
+        let takers = match (scene.has_drag(), scene.has_dashpots()) {
             (true, true) => "dashpots and drag",
             (true, false) => "drag",
             (false, _) => "dashpots",

@@ -230,7 +230,7 @@ fn compare(
     let masses = case.scene.node_masses();
     let mut nodes = case.scene.nodes.iter().zip(&masses);
     let has_massless = nodes.any(|(node, mass)| !node.fixed && *mass <= 0.0);
-    let is_damped = case.scene.springs.iter().any(|spring| spring.damping > 0.0);
+    let is_damped = case.scene.has_dashpots() || case.scene.has_drag();
     // Powers of the step in the error: even ones only of symmetric methods.
     let (method, first, stride) = match reference {
         Method::Dop853 if is_damped => (Method::VelocityVerlet, 2, 1),
