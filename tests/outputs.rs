@@ -1,9 +1,9 @@
 //! What every output of the table promises.
 
-use springs::io::{Mark, RunEnd, RunPlan, SinkKind, TrajectoryFrame};
+use springs::io::{FrameMembers, Mark, RunEnd, RunPlan, SinkKind, TrajectoryFrame};
 use springs::scene::generate::{Material, cloth};
 use springs::scene::{Scene, Vector3};
-use springs::sinks::{Marks, SINKS, Sinks};
+use springs::sinks::{Marks, SINKS, Sinks, tension_peaks};
 use springs::step::{Frame, Islands, NodeStates, Observer};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::ControlFlow;
@@ -48,6 +48,10 @@ impl Observer for Writer {
         }
     }
 
+    fn wants_members(&self) -> bool {
+        self.sinks.wants_members()
+    }
+
     fn wants_account(&self) -> bool {
         self.sinks.awaits_energies()
     }
@@ -62,7 +66,11 @@ fn finish(sinks: &mut Sinks, scene: &Scene, islands: &Islands) -> Vec<&'static s
     let mut last = scene.clone();
     islands.nodes().write_to(&mut last);
     let time = islands.time();
-    let end = RunEnd { scene: &last, time };
+    let end = RunEnd {
+        scene: &last,
+        time,
+        peaks: &tension_peaks(islands),
+    };
     sinks.finish(&end).unwrap()
 }
 
@@ -161,6 +169,8 @@ fn mark(kind: &dyn SinkKind, n_frames: usize) -> Mark {
     let intervals = 1000;
     let plan = RunPlan { scene, intervals };
     let nodes = NodeStates::of(scene);
+    let tensions = vec![1.0; scene.springs.len()];
+    let reactions = [(0, Vector3::z())];
     let mut sink = kind.begin(folder.path(), &plan).unwrap();
     for index in 0..n_frames {
         let frame = TrajectoryFrame {
@@ -168,6 +178,11 @@ fn mark(kind: &dyn SinkKind, n_frames: usize) -> Mark {
             time: index as f64,
             positions: &nodes.positions,
             velocities: &nodes.velocities,
+            members: Some(FrameMembers {
+                springs: &scene.springs,
+                tensions: &tensions,
+                reactions: &reactions,
+            }),
         };
         sink.frame(&frame).unwrap();
     }

@@ -4,20 +4,41 @@ use crate::filmstrip::Filmstrip;
 use crate::report::energy_sum;
 use serde::{Deserialize, Serialize};
 use springs_io::{
-    ContinueError, ENERGIES, FrameEnergies, Mark, ResumeSink, RunEnd, RunPlan, Sink, SinkKind,
-    TRAJECTORY, TrajectoryFrame, WriteError,
+    ContinueError, ENERGIES, FrameEnergies, FrameMembers, Mark, REACTIONS, ResumeSink, RunEnd,
+    RunPlan, Sink, SinkKind, SpringsAndPeaks, TRAJECTORY, TensionPeak, TrajectoryFrame, WriteError,
 };
-use springs_step::{Account, Frame};
+use springs_scene::Spring;
+use springs_step::{Account, Frame, Islands};
 use std::path::Path;
 
 /// A row for each output; they are written and named in this order.
-pub static SINKS: &[&dyn SinkKind] = &[&TRAJECTORY, &ENERGIES, &Filmstrip];
+pub static SINKS: &[&dyn SinkKind] = &[
+    &TRAJECTORY,
+    &ENERGIES,
+    &SpringsAndPeaks,
+    &REACTIONS,
+    &Filmstrip,
+];
+
+/// What the tension of each spring came to, where members were wanted; else nothing.
+pub fn tension_peaks(islands: &Islands) -> Vec<TensionPeak> {
+    let peaks = islands.peaks().into_iter();
+    let peaks = peaks.map(|peak| TensionPeak {
+        max_tension: peak.max_tension,
+        time_of_max: peak.time_of_max,
+        min_tension: peak.min_tension,
+        time_of_min: peak.time_of_min,
+    });
+    peaks.collect()
+}
 
 /// The outputs of one run.
 pub struct Sinks {
     sinks: Vec<(&'static dyn SinkKind, Box<dyn Sink>)>,
     /// A frame was shown whose energies are still to come.
     awaits_energies: bool,
+    /// Those of the scene, where members are wanted.
+    springs: Vec<Spring>,
 }
 
 /// How far the outputs of a run are written, to go on from.
@@ -38,10 +59,8 @@ impl Sinks {
         let asked = SINKS.iter().copied();
         let asked = asked.filter(|kind| names.iter().any(|name| name == kind.name()));
         let sinks = asked.map(|kind| Ok((kind, kind.begin(folder, plan)?)));
-        Ok(Self {
-            sinks: sinks.collect::<Result<_, WriteError>>()?,
-            awaits_energies: false,
-        })
+        let sinks = sinks.collect::<Result<_, WriteError>>()?;
+        Ok(Self::with(sinks, plan, false))
     }
 
     /// Goes on with the outputs of a run that was stopped. If one of them cannot
@@ -53,10 +72,30 @@ impl Sinks {
     pub fn resume(folder: &Path, plan: &RunPlan<'_>, marks: &Marks) -> Result<Self, ContinueError> {
         let found = marks.find(folder, plan)?;
         let sinks = found.into_iter().map(|(kind, go_on)| Ok((kind, go_on()?)));
-        Ok(Self {
-            sinks: sinks.collect::<Result<_, WriteError>>()?,
-            awaits_energies: marks.awaits_energies,
-        })
+        let sinks = sinks.collect::<Result<_, WriteError>>()?;
+        Ok(Self::with(sinks, plan, marks.awaits_energies))
+    }
+
+    fn with(
+        sinks: Vec<(&'static dyn SinkKind, Box<dyn Sink>)>,
+        plan: &RunPlan<'_>,
+        awaits_energies: bool,
+    ) -> Self {
+        let wants_members = sinks.iter().any(|(_, sink)| sink.wants_members());
+        Self {
+            sinks,
+            awaits_energies,
+            springs: if wants_members {
+                plan.scene.springs.clone()
+            } else {
+                Vec::new()
+            },
+        }
+    }
+
+    /// Whether frames are to have what springs and supports carry.
+    pub fn wants_members(&self) -> bool {
+        self.sinks.iter().any(|(_, sink)| sink.wants_members())
     }
 
     /// Whether nothing is to be written.
@@ -79,15 +118,27 @@ impl Sinks {
     ///
     /// The first of theirs.
     pub fn frame(&mut self, frame: Frame<'_>) -> Result<(), WriteError> {
+        let reactions: Vec<_> = frame.members.map_or(Vec::new(), |members| {
+            let reactions = members.reactions.iter();
+            reactions.map(|one| (one.node, one.force)).collect()
+        });
         let frame = TrajectoryFrame {
             index: frame.index,
             time: frame.time,
             positions: &frame.nodes.positions,
             velocities: &frame.nodes.velocities,
+            members: frame.members.map(|members| FrameMembers {
+                springs: &self.springs,
+                tensions: &members.tensions,
+                reactions: &reactions,
+            }),
         };
-        let awaits = self.each().any(|sink| sink.wants_energies());
-        self.awaits_energies = awaits;
-        let written = self.each().map(|sink| sink.frame(&frame));
+        self.awaits_energies = false;
+        let sinks = self.sinks.iter_mut();
+        let written = sinks.map(|(_, sink)| {
+            self.awaits_energies |= sink.wants_energies();
+            sink.frame(&frame)
+        });
         written.fold(Ok(()), Result::and)
     }
 

@@ -4,6 +4,7 @@ use crate::drag::Drag;
 use crate::elements::{Element, PointMasses, SpringMasses};
 use crate::gravity::Gravity;
 use crate::loads::SceneLoad;
+use crate::springs::Merged;
 use crate::system::Couplings;
 use crate::{
     BlockPattern, Dashpots, Emitter, Lines, Loads, Motion, Numbering, SpringBetween, Springs,
@@ -134,14 +135,20 @@ fn springs_of(scene: &Scene, is_complete: bool) -> Springs {
         (spring.stiffness > 0.0).then_some((spring.rest_length + 0.0).to_bits())
     });
     let mut sums = vec![0.0; scene.springs.len()];
-    let mut n_merged = 0;
-    for (index, (spring, &first)) in scene.springs.iter().zip(&firsts).enumerate() {
+    for (spring, &first) in scene.springs.iter().zip(&firsts) {
         sums[first] += spring.stiffness;
-        n_merged += usize::from(first != index);
     }
     let is_first =
         |index: &usize| scene.springs[*index].stiffness > 0.0 && firsts[*index] == *index;
     let index: Vec<usize> = (0..scene.springs.len()).filter(is_first).collect();
+    let parts = firsts.iter().enumerate();
+    let parts = parts.filter(|(spring, first)| spring != *first);
+    let parts = parts.map(|(spring, first)| Merged {
+        into: index.binary_search(first).expect("one that is there"),
+        index: spring,
+        share: scene.springs[spring].stiffness / sums[*first],
+    });
+    let parts = parts.collect();
     let springs = index.iter().map(|&index| SpringBetween {
         nodes: scene.springs[index].nodes,
         law: spring::Spring {
@@ -150,7 +157,7 @@ fn springs_of(scene: &Scene, is_complete: bool) -> Springs {
         },
     });
     let springs: Vec<_> = springs.collect();
-    Springs::of_scene(&springs, index, n_merged)
+    Springs::of_scene(&springs, index, parts)
 }
 
 fn loads_of(scene: &Scene) -> Loads<SceneLoad> {

@@ -130,6 +130,21 @@ impl Emitter for Dashpots {
         }
     }
 
+    fn add_forces_on_all(
+        &self,
+        x: &[Vector3<f64>],
+        v: &[Vector3<f64>],
+        _n_free: usize,
+        _carried: Option<&[f64]>,
+        forces: &mut [Vector3<f64>],
+    ) {
+        for index in 0..self.damping.len() {
+            let (force, [a, b]) = (self.force(index, x, v), self.ends(index));
+            forces[a] += force;
+            forces[b] -= force;
+        }
+    }
+
     fn linearize(&self, at: &Evaluation<'_>, out: &mut Linearization) {
         let matrix = &mut out.matrix;
         match &mut matrix.off_diagonal {

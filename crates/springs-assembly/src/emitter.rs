@@ -137,6 +137,36 @@ pub trait Emitter: Send + Sync {
     ) {
     }
 
+    /// Adds the forces that depend on positions and velocities, in N, to all blocks,
+    /// fixed ones too, with the numbers that a method carried in place of those at `x`.
+    fn add_forces_on_all(
+        &self,
+        x: &[Vector3<f64>],
+        v: &[Vector3<f64>],
+        n_free: usize,
+        _carried: Option<&[f64]>,
+        forces: &mut [Vector3<f64>],
+    ) {
+        self.add_forces(x, forces);
+        self.add_damping_forces(x, v, forces);
+        self.add_damping_reactions(x, v, &mut forces[n_free..]);
+    }
+
+    /// Adds loads as [`Self::add_loads`] does, to fixed blocks, too.
+    fn add_loads_on_all(&self, time: f64, forces: &mut [Vector3<f64>]) {
+        self.add_loads(time, forces);
+    }
+
+    /// Hands over the tension, in N, of each spring of the list that it was made from:
+    /// the one that a method carried, or that at `x`.
+    fn each_tension(
+        &self,
+        _x: &[Vector3<f64>],
+        _carried: Option<&[f64]>,
+        _visit: &mut dyn FnMut(usize, f64),
+    ) {
+    }
+
     /// How many terms a projection makes a difference to.
     fn count_projected(&self, _at: &Evaluation<'_>) -> usize {
         0

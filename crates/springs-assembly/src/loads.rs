@@ -103,6 +103,12 @@ impl<H: History> Emitter for Loads<H> {
         self.add(|history| history.force(time), forces);
     }
 
+    fn add_loads_on_all(&self, time: f64, forces: &mut [Vector3<f64>]) {
+        for (history, &block) in self.histories.iter().zip(&self.blocks) {
+            forces[block as usize] += history.force(time);
+        }
+    }
+
     fn add_load_rates(&self, time: f64, rates: &mut [Vector3<f64>]) {
         self.add(|history| history.rate(time), rates);
     }

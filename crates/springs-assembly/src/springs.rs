@@ -22,8 +22,19 @@ pub struct Springs<L = Spring> {
     laws: Vec<L>,
     /// Index of each in the list that they were made from.
     index: Vec<usize>,
-    n_merged: usize,
+    merged: Vec<Merged>,
     stiffness: StiffnessKind,
+}
+
+/// A spring of the list that became part of another one.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Merged {
+    /// That other one, in the order of the springs.
+    pub(crate) into: usize,
+    /// Its own index in the list.
+    pub(crate) index: usize,
+    /// Its part of the stiffness.
+    pub(crate) share: f64,
 }
 
 /// A spring between two nodes of a scene.
@@ -43,8 +54,16 @@ impl<L: LengthLaw + Clone> Springs<L> {
             connections: Connections::between(springs.iter().map(|spring| spring.nodes)),
             laws: springs.iter().map(|spring| spring.law.clone()).collect(),
             index: (0..springs.len()).collect(),
-            n_merged: 0,
+            merged: Vec::new(),
             stiffness: StiffnessKind::Variable,
+        }
+    }
+
+    /// The tension that a method carried, or that at `x`, in N.
+    fn tension(&self, index: usize, x: &[Vector3<f64>], carried: Option<&[f64]>) -> f64 {
+        match carried.filter(|_| index < self.connections.live().end) {
+            Some(carried) => carried[index],
+            None => self.tension_and_length(index, x).0,
         }
     }
 
@@ -167,16 +186,16 @@ struct Sums<'a, P> {
 }
 
 impl Springs<Spring> {
-    /// The linear springs of a scene that have a stiffness, with their indices there;
-    /// `n_merged` others are part of one of them.
+    /// The linear springs of a scene that have a stiffness, with their indices there,
+    /// and those that became part of one of them.
     pub(crate) fn of_scene(
         springs: &[SpringBetween<Spring>],
         index: Vec<usize>,
-        n_merged: usize,
+        merged: Vec<Merged>,
     ) -> Self {
         Self {
             index,
-            n_merged,
+            merged,
             stiffness: StiffnessKind::ConstantAlongLines,
             ..Self::new("elastic", springs)
         }
@@ -200,7 +219,7 @@ impl<L: LengthLaw + Clone + Send + Sync> Emitter for Springs<L> {
     fn nature(&self) -> Nature {
         Nature {
             n_terms: self.len(),
-            n_merged: self.n_merged,
+            n_merged: self.merged.len(),
             stiffness: self.stiffness,
             is_constant: false,
             is_load: false,
@@ -217,6 +236,13 @@ impl<L: LengthLaw + Clone + Send + Sync> Emitter for Springs<L> {
             .map(|&index| self.laws[index].clone())
             .collect();
         self.index = order.iter().map(|&index| self.index[index]).collect();
+        let mut place = vec![0; order.len()];
+        for (new, &old) in order.iter().enumerate() {
+            place[old] = new;
+        }
+        for part in &mut self.merged {
+            part.into = place[part.into];
+        }
     }
 
     fn each_stencil(&self, visit: &mut dyn FnMut(&[u32])) {
@@ -325,6 +351,46 @@ impl<L: LengthLaw + Clone + Send + Sync> Emitter for Springs<L> {
 
     fn n_carried(&self) -> usize {
         self.len()
+    }
+
+    fn add_forces_on_all(
+        &self,
+        x: &[Vector3<f64>],
+        _v: &[Vector3<f64>],
+        _n_free: usize,
+        carried: Option<&[f64]>,
+        forces: &mut [Vector3<f64>],
+    ) {
+        for (index, ends) in self.connections.ends().iter().enumerate() {
+            let direction = Separation::of(&self.connections.difference(index, x)).direction;
+            let force = direction * self.tension(index, x, carried);
+            forces[ends[0] as usize] += force;
+            forces[ends[1] as usize] -= force;
+        }
+    }
+
+    fn each_tension(
+        &self,
+        x: &[Vector3<f64>],
+        carried: Option<&[f64]>,
+        visit: &mut dyn FnMut(usize, f64),
+    ) {
+        let mut own_shares = vec![
+            1.0;
+            if self.merged.is_empty() {
+                0
+            } else {
+                self.len()
+            }
+        ];
+        for part in &self.merged {
+            own_shares[part.into] -= part.share;
+            visit(part.index, part.share * self.tension(part.into, x, carried));
+        }
+        for (index, &spring) in self.index.iter().enumerate() {
+            let share = own_shares.get(index).copied().unwrap_or(1.0);
+            visit(spring, share * self.tension(index, x, carried));
+        }
     }
 
     /// Tensions of the springs with a free end, in N; zero for the rest.

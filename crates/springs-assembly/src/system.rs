@@ -117,7 +117,7 @@ impl System {
         &self.masses
     }
 
-    /// All that gives forces, in the order of [`Lines`].
+    /// All that gives forces, in the order of [`Lines`](crate::Lines).
     pub fn emitters(&self) -> impl Iterator<Item = &dyn Emitter> {
         self.emitters.iter().map(|emitter| &**emitter)
     }
@@ -359,18 +359,27 @@ impl System {
         at: &Evaluation<'a>,
         mut act: impl FnMut(usize, &dyn Emitter, &Evaluation<'a>),
     ) {
-        let mut carried = at.carried;
-        for (line, emitter) in self.emitters().enumerate() {
-            let mine = carried.map(|all| {
+        let mut line = 0;
+        self.each_with_its(at.carried, |emitter, carried| {
+            act(line, emitter, &Evaluation { carried, ..*at });
+            line += 1;
+        });
+    }
+
+    /// Every emitter with its part of what a method carried.
+    fn each_with_its<'c>(
+        &self,
+        carried: Option<&'c [f64]>,
+        mut act: impl FnMut(&dyn Emitter, Option<&'c [f64]>),
+    ) {
+        let mut rest = carried;
+        for emitter in self.emitters() {
+            let mine = rest.map(|all| {
                 let (mine, others) = all.split_at(emitter.n_carried());
-                carried = Some(others);
+                rest = Some(others);
                 mine
             });
-            let at = Evaluation {
-                carried: mine,
-                ..*at
-            };
-            act(line, emitter, &at);
+            act(emitter, mine);
         }
     }
 

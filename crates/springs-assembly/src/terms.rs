@@ -267,6 +267,28 @@ impl<const N: usize, T: Term<N>> Emitter for Terms<N, T> {
         }
     }
 
+    fn add_forces_on_all(
+        &self,
+        x: &[Vector3<f64>],
+        v: &[Vector3<f64>],
+        _n_free: usize,
+        _carried: Option<&[f64]>,
+        forces: &mut [Vector3<f64>],
+    ) {
+        for (term, stencil) in self.all() {
+            let x = Self::of(stencil, x);
+            let mut add = |added: [Vector3<f64>; N]| {
+                for (&block, force) in stencil.iter().zip(added) {
+                    forces[block as usize] += force;
+                }
+            };
+            add(term.forces(&x));
+            if term.is_damped() {
+                add(term.damping_forces(&x, &Self::of(stencil, v)));
+            }
+        }
+    }
+
     fn linearize(&self, at: &Evaluation<'_>, out: &mut Linearization) {
         self.add_forces(at.x, &mut out.forces);
         let mut pairs = self.pairs.iter();

@@ -60,7 +60,12 @@ mod tests {
             load_work: 0.5,
         };
         sink.energies(&energies).unwrap();
-        sink.finish(&RunEnd { scene, time: 0.5 }).unwrap();
+        sink.finish(&RunEnd {
+            scene,
+            time: 0.5,
+            peaks: &[],
+        })
+        .unwrap();
         let text = std::fs::read_to_string(folder.path().join("energy.csv")).unwrap();
         assert_eq!(
             text,

@@ -27,6 +27,7 @@ mod checkpoint;
 mod energies;
 mod growing;
 mod locate;
+mod members;
 mod motions;
 mod read;
 mod report;
@@ -41,12 +42,16 @@ pub use atomic::{WriteError, remove_drafts, try_to_write, write_whole};
 pub use checkpoint::{Checkpoint, CheckpointError, read_checkpoint, write_checkpoint};
 pub use energies::ENERGIES;
 pub use growing::{ContinueError, FileMark, FoundFile, GrowingFile, part_name};
+pub use members::{REACTIONS, SpringsAndPeaks};
 pub use read::{Finding, SceneError, parse_scene, read_scene, read_text};
 pub use report::{
     EnergyReport, EnergySum, FailureReport, IslandReport, Report, SavingReport, SecondsReport,
     SwitchReport, TrialsReport, write_report,
 };
-pub use sink::{FrameEnergies, Mark, ResumeSink, RunEnd, RunPlan, Sink, SinkKind, TrajectoryFrame};
+pub use sink::{
+    FrameEnergies, FrameMembers, Mark, ResumeSink, RunEnd, RunPlan, Sink, SinkKind, TensionPeak,
+    TrajectoryFrame,
+};
 pub use table::{Rows, Table};
 pub use trajectory::TRAJECTORY;
 pub use write::{scene_to_string, write_scene};

@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
-use springs_scene::Scene;
+use springs_scene::{Scene, Spring};
 use std::path::Path;
 
 /// An output that a run can be asked for.
@@ -54,6 +54,11 @@ pub type ResumeSink = Box<dyn FnOnce() -> Result<Box<dyn Sink>, WriteError>>;
 pub trait Sink: Send {
     /// Whether to be called with the energies of each frame, after the frame.
     fn wants_energies(&self) -> bool {
+        false
+    }
+
+    /// Whether frames are to have what springs and supports carry.
+    fn wants_members(&self) -> bool {
         false
     }
 
@@ -119,6 +124,32 @@ pub struct RunEnd<'a> {
     pub scene: &'a Scene,
     /// In s.
     pub time: f64,
+    /// What the tension of each spring came to, if members were wanted; else empty.
+    pub peaks: &'a [TensionPeak],
+}
+
+/// The largest and the least tension of a spring at the ends of steps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TensionPeak {
+    /// In N.
+    pub max_tension: f64,
+    /// When, in s.
+    pub time_of_max: f64,
+    /// In N.
+    pub min_tension: f64,
+    /// When, in s.
+    pub time_of_min: f64,
+}
+
+/// What springs and supports carry at the time of a frame.
+#[derive(Clone, Copy, Debug)]
+pub struct FrameMembers<'a> {
+    /// The springs of the scene.
+    pub springs: &'a [Spring],
+    /// The tension of each, in N, without the force of its dashpot.
+    pub tensions: &'a [f64],
+    /// Nodes and the forces of their supports on them, in N.
+    pub reactions: &'a [(usize, Vector3<f64>)],
 }
 
 /// Positions (m) and velocities (m/s) of all nodes at one time (s).
@@ -132,6 +163,8 @@ pub struct TrajectoryFrame<'a> {
     pub positions: &'a [Vector3<f64>],
     /// v of each node.
     pub velocities: &'a [Vector3<f64>],
+    /// What springs and supports carry, if that is wanted.
+    pub members: Option<FrameMembers<'a>>,
 }
 
 /// Energies at the time of a frame, in J.

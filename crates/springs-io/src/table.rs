@@ -3,7 +3,7 @@
 use crate::atomic::WriteError;
 use crate::growing::{ContinueError, FileMark, GrowingFile, part_name};
 use crate::sink::{
-    FrameEnergies, Mark, ResumeSink, RunEnd, RunPlan, Sink, SinkKind, TrajectoryFrame,
+    FrameEnergies, FrameMembers, Mark, ResumeSink, RunEnd, RunPlan, Sink, SinkKind, TrajectoryFrame,
 };
 use std::path::Path;
 
@@ -28,6 +28,8 @@ pub struct Table {
 pub enum Rows {
     /// The nodes at each frame.
     Frames(fn(&TrajectoryFrame<'_>, &mut Vec<u8>)),
+    /// What springs and supports carry at each frame.
+    Members(fn(&TrajectoryFrame<'_>, &FrameMembers<'_>, &mut Vec<u8>)),
     /// The energies at each frame.
     Energies(fn(&FrameEnergies, &mut Vec<u8>)),
 }
@@ -77,11 +79,18 @@ impl Sink for GrowingTable {
         matches!(self.table.rows, Rows::Energies(_))
     }
 
+    fn wants_members(&self) -> bool {
+        matches!(self.table.rows, Rows::Members(_))
+    }
+
     fn frame(&mut self, frame: &TrajectoryFrame<'_>) -> Result<(), WriteError> {
-        if let Rows::Frames(rows) = self.table.rows {
-            self.file.append(|bytes| rows(frame, bytes))?;
+        match (self.table.rows, &frame.members) {
+            (Rows::Frames(rows), _) => self.file.append(|bytes| rows(frame, bytes)),
+            (Rows::Members(rows), Some(members)) => {
+                self.file.append(|bytes| rows(frame, members, bytes))
+            }
+            _ => Ok(()),
         }
-        Ok(())
     }
 
     fn energies(&mut self, energies: &FrameEnergies) -> Result<(), WriteError> {

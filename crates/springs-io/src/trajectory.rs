@@ -51,10 +51,16 @@ mod tests {
                 time,
                 positions,
                 velocities,
+                members: None,
             };
             sink.frame(&frame).unwrap();
         }
-        sink.finish(&RunEnd { scene, time: 0.25 }).unwrap();
+        sink.finish(&RunEnd {
+            scene,
+            time: 0.25,
+            peaks: &[],
+        })
+        .unwrap();
         let text = std::fs::read_to_string(folder.path().join("trajectory.csv")).unwrap();
         assert_eq!(
             text,

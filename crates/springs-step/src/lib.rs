@@ -55,6 +55,7 @@ pub use method::tr_bdf2::TrBdf2;
 pub use method::{ErrorEstimate, Interval, Method};
 pub use run::dense_output::interpolate;
 pub use run::islands::Islands;
+pub use run::members::{Members, Peak, Reaction};
 pub use run::observer::{Account, Frame, Observer, Outcome, Patience};
 pub use run::part::Part;
 pub use run::simulation::{Simulation, Switch};

@@ -207,6 +207,10 @@ impl Output {
         Ok(self.sinks.frame(frame)?)
     }
 
+    pub(crate) fn wants_members(&self) -> bool {
+        self.sinks.wants_members()
+    }
+
     pub(crate) fn account(&mut self, account: &Account) -> Result<(), Unwritten> {
         Ok(self.sinks.account(account)?)
     }

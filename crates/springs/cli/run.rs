@@ -13,7 +13,7 @@ use springs::io::{
 };
 use springs::report::{self, Timings, TurnedOver, report};
 use springs::scene::{RunOptions, Scene};
-use springs::sinks::{Marks, SINKS};
+use springs::sinks::{Marks, SINKS, tension_peaks};
 use springs::solver::Interrupt;
 use springs::step::{Islands, Outcome, Patience, StepError};
 use std::path::PathBuf;
@@ -243,6 +243,7 @@ impl Run {
             &RunEnd {
                 scene: &self.last(),
                 time: self.islands.time(),
+                peaks: &tension_peaks(&self.islands),
             },
             &self.options,
         )?;

@@ -89,6 +89,10 @@ impl Observer for Watcher {
         }
     }
 
+    fn wants_members(&self) -> bool {
+        self.output.wants_members()
+    }
+
     fn frame(&mut self, frame: Frame<'_>) -> ControlFlow<()> {
         self.write(|output| output.frame(frame))
     }

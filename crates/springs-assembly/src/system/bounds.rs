@@ -5,7 +5,7 @@ use super::System;
 impl System {
     /// A bound on the angular frequency of every motion in every
     /// configuration, in rad/s: ω² ≤ max (2/m) Σ K over the springs of a node,
-    /// from the [bounds](Emitter::add_stiffness_bounds) of all emitters. Infinite if a
+    /// from the [bounds](crate::Emitter::add_stiffness_bounds) of all emitters. Infinite if a
     /// massless node has a spring or a term has no bound, zero without any.
     pub fn frequency_bound(&self) -> f64 {
         let bound = self.largest_per_mass(|sums| self.add_stiffness_bounds(sums));

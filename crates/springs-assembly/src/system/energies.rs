@@ -97,6 +97,44 @@ impl System {
             .sum()
     }
 
+    /// Hands over the tension, in N, of each spring of the scene that has a stiffness,
+    /// in any order: the one that a method [carried](Self::carried), or that at `x`.
+    pub fn each_tension(
+        &self,
+        x: &[Vector3<f64>],
+        carried: Option<&[f64]>,
+        visit: &mut dyn FnMut(usize, f64),
+    ) {
+        self.each_with_its(carried, |emitter, carried| {
+            emitter.each_tension(x, carried, visit)
+        });
+    }
+
+    /// The forces, in N, that supports must bring up against those of the emitters and
+    /// loads at a time in s, by block: all of those on fixed blocks, and the part across
+    /// its guide on a guided one. Neither the weight of fixed blocks is among them, nor
+    /// what moves them.
+    pub fn support_forces(
+        &self,
+        time: f64,
+        x: &[Vector3<f64>],
+        v: &[Vector3<f64>],
+        carried: Option<&[f64]>,
+    ) -> Vec<(usize, Vector3<f64>)> {
+        let n_free = self.n_free();
+        let mut forces = vec![Vector3::zeros(); self.numbering.n_nodes()];
+        self.each_with_its(carried, |emitter, carried| {
+            emitter.add_forces_on_all(x, v, n_free, carried, &mut forces);
+            emitter.add_loads_on_all(time, &mut forces);
+        });
+        let mut along = forces.clone();
+        self.guides.project(&mut along);
+        let guided = self.guides.blocks();
+        let guided = guided.map(|block| (block, along[block] - forces[block]));
+        let fixed = (n_free..forces.len()).map(|block| (block, -forces[block]));
+        guided.chain(fixed).collect()
+    }
+
     /// What [`Self::anchor_power`] changes by, in W, when all blocks move on by `y`,
     /// in m, and forces change as linearized at `at`, without its damping.
     pub fn anchor_power_change(&self, at: &Evaluation<'_>, y: &[Vector3<f64>]) -> f64 {

@@ -227,6 +227,14 @@ impl Method for Doubling {
         self.is_fresh = true;
     }
 
+    fn keep_tensions(&mut self, system: &System) {
+        self.method.keep_tensions(system);
+    }
+
+    fn tensions(&self) -> Option<&[f64]> {
+        self.method.tensions()
+    }
+
     fn flows(&self) -> Option<Flows> {
         self.flows
     }

@@ -205,6 +205,10 @@ impl Method for FilteredLeapfrog {
         self.anchor_power = self.next_anchor_power;
     }
 
+    fn tensions(&self) -> Option<&[f64]> {
+        Some(&self.tensions)
+    }
+
     fn flows(&self) -> Option<Flows> {
         Some(self.flows)
     }

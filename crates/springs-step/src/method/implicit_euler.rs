@@ -115,6 +115,10 @@ impl Method for ImplicitEuler {
         self.tensions.accept();
     }
 
+    fn tensions(&self) -> Option<&[f64]> {
+        Some(&self.tensions.start)
+    }
+
     fn flows(&self) -> Option<Flows> {
         Some(self.flows)
     }

@@ -30,7 +30,7 @@ pub struct LinearlyImplicitEuler {
     n_free: usize,
     /// The right-hand side, then the new velocities; those of fixed blocks.
     velocities: Vec<Vector3<f64>>,
-    /// Filtered tensions; only used with that tangent.
+    /// Filtered tensions; only used with that tangent, or where they are kept.
     tensions: Vec<f64>,
     next_tensions: Vec<f64>,
     tensions_are_known: bool,
@@ -185,7 +185,7 @@ impl Method for LinearlyImplicitEuler {
         let h = interval.size;
         anchors.point_at_end(interval, &state.x, &mut state.v);
         self.velocity_step(system, state, (h, interval.end), work)?;
-        if self.tangent == Tangent::Filtered {
+        if !self.next_tensions.is_empty() {
             self.predict_tensions(system, state, h);
         }
         self.position_step(state, h);
@@ -218,6 +218,17 @@ impl Method for LinearlyImplicitEuler {
 
     fn accept(&mut self) {
         std::mem::swap(&mut self.tensions, &mut self.next_tensions);
+    }
+
+    fn keep_tensions(&mut self, system: &System) {
+        self.tensions.resize(system.n_carried(), 0.0);
+        self.next_tensions.resize(system.n_carried(), 0.0);
+    }
+
+    fn tensions(&self) -> Option<&[f64]> {
+        Some(&self.tensions)
+            .filter(|tensions| !tensions.is_empty())
+            .map(|kept| &**kept)
     }
 
     fn flows(&self) -> Option<Flows> {

@@ -137,6 +137,16 @@ pub trait Method: Send {
     /// The last step stands; the next one starts at its end.
     fn accept(&mut self);
 
+    /// Asked before the first step to keep the tensions at the ends of steps, for
+    /// [`Self::tensions`].
+    fn keep_tensions(&mut self, _system: &System) {}
+
+    /// What [`System::carried`] gives, as the method took it at the end of the last
+    /// step; `None` where that is what the positions say.
+    fn tensions(&self) -> Option<&[f64]> {
+        None
+    }
+
     /// Heat of dashpots and work of anchors in the last step, with the weights
     /// that the method itself gave to the forces of its stages, so that the
     /// energy ledger closes to the method's order. `None`: the ledger takes the

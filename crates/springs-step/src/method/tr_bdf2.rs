@@ -391,6 +391,10 @@ impl Method for TrBdf2 {
         self.is_started = true;
     }
 
+    fn tensions(&self) -> Option<&[f64]> {
+        Some(&self.tensions.start)
+    }
+
     fn flows(&self) -> Option<Flows> {
         Some(self.flows)
     }

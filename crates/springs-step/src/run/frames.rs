@@ -1,7 +1,7 @@
 //! The frames of a run that are still to come.
 
 use crate::run::observer::Frame;
-use crate::{HiddenState, NodeStates, Observer};
+use crate::{HiddenState, Members, NodeStates, Observer};
 use std::ops::ControlFlow;
 
 /// How many frames of how many intervals were shown.
@@ -83,10 +83,16 @@ impl Frames {
         &mut self,
         time: f64,
         nodes: &NodeStates,
+        members: Option<Members>,
         to: &mut dyn Observer,
     ) -> ControlFlow<()> {
         let index = self.next;
         self.next += 1;
-        to.frame(Frame { index, time, nodes })
+        to.frame(Frame {
+            index,
+            time,
+            nodes,
+            members: members.as_ref(),
+        })
     }
 }

@@ -1,13 +1,14 @@
 //! Parts of a scene that do not feel each other, each on its own way.
 
 use crate::run::frames::{Frames, Shown};
+use crate::run::members::{Gathered, Supported};
 use crate::run::observer::{either, offer};
 use crate::run::part::{Part, cut};
 use crate::run::simulation::Pause;
 use crate::threads::threads;
 use crate::{
-    Account, Cause, ForeignState, HiddenState, Ledger, NodeStates, Observer, Outcome, Patience,
-    SetupError, StepError, Work,
+    Account, Cause, ForeignState, HiddenState, Ledger, Members, NodeStates, Observer, Outcome,
+    Patience, Peak, SetupError, StepError, Work,
 };
 use springs_assembly::{CompileError, Energy};
 use springs_scene::{RunOptions, Scene};
@@ -30,6 +31,8 @@ pub struct Islands {
     duration: f64,
     /// How far parts may still move that are put to sleep, in m.
     sleep: Option<f64>,
+    n_springs: usize,
+    supported: Supported,
     time: f64,
     /// Parts are somewhere within a round.
     is_under_way: bool,
@@ -110,6 +113,8 @@ impl Islands {
             threads,
             duration: scene.settings.duration,
             sleep: options.sleep,
+            n_springs: scene.springs.len(),
+            supported: Supported::of(scene),
             time: 0.0,
             is_under_way: false,
             nodes: NodeStates::of(scene),
@@ -358,8 +363,13 @@ impl Islands {
         observer: &mut dyn Observer,
     ) -> Result<Outcome, StepError> {
         let duration = self.duration();
+        if observer.wants_members() {
+            let simulations = self.parts.iter_mut().map(|part| &mut part.simulation);
+            simulations.for_each(crate::Simulation::track_members);
+        }
         if frames.is_first() {
-            let shown = frames.show(0.0, &self.nodes, observer);
+            let members = self.members_for(observer);
+            let shown = frames.show(0.0, &self.nodes, members, observer);
             if either(shown, offer(observer, || self.account())).is_break() {
                 return Ok(Outcome::Stopped);
             }
@@ -388,7 +398,8 @@ impl Islands {
         self.is_told = true;
         let is_due = frames.next_time().is_some_and(|time| time <= self.time);
         let shown = if is_due {
-            frames.show(self.time, &self.nodes, observer)
+            let members = self.members_for(observer);
+            frames.show(self.time, &self.nodes, members, observer)
         } else {
             ControlFlow::Continue(())
         };
@@ -409,6 +420,35 @@ impl Islands {
     pub fn steps(&self) -> u64 {
         let steps = |part: &Part| part.simulation.stepper().steps();
         self.parts.iter().map(steps).max().unwrap_or(0)
+    }
+
+    /// What springs and supports carry now, if the observer wants it.
+    fn members_for(&self, observer: &dyn Observer) -> Option<Members> {
+        observer.wants_members().then(|| {
+            let mut gathered = Gathered::new(self.n_springs);
+            for part in &self.parts {
+                let members = part.simulation.members_at(self.time, &part.state);
+                gathered.add(members, &part.island.nodes, &part.island.springs);
+            }
+            let mut members = gathered.finish();
+            self.supported.add_to(self.time, &mut members.reactions);
+            members
+        })
+    }
+
+    /// The largest and the least tension of each spring at the ends of steps, where an
+    /// observer [wanted](Observer::wants_members) members; else nothing.
+    pub fn peaks(&self) -> Vec<Peak> {
+        let of_parts = self.parts.iter().map(|part| part.simulation.peaks());
+        if of_parts.map(<[Peak]>::len).sum::<usize>() < self.n_springs {
+            return Vec::new();
+        }
+        let mut peaks = vec![Peak::at(0.0, 0.0); self.n_springs];
+        for part in &self.parts {
+            let of_part = part.island.springs.iter().zip(part.simulation.peaks());
+            of_part.for_each(|(&spring, peak)| peaks[spring] = *peak);
+        }
+        peaks
     }
 
     /// Its energies now.

@@ -3,6 +3,7 @@
 pub(crate) mod dense_output;
 pub(crate) mod frames;
 pub(crate) mod islands;
+pub(crate) mod members;
 pub(crate) mod observer;
 pub(crate) mod part;
 pub(crate) mod simulation;

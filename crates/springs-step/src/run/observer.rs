@@ -1,6 +1,6 @@
 //! Who looks on while a simulation runs.
 
-use crate::{Ledger, NodeStates};
+use crate::{Ledger, Members, NodeStates};
 use springs_assembly::Energy;
 use std::ops::ControlFlow;
 
@@ -14,6 +14,8 @@ pub struct Frame<'a> {
     pub time: f64,
     /// All nodes, in the order of the scene.
     pub nodes: &'a NodeStates,
+    /// What springs and supports carry, if that is [wanted](Observer::wants_members).
+    pub members: Option<&'a Members>,
 }
 
 /// Energies at the end of a step or at the time of a frame.
@@ -64,6 +66,12 @@ pub trait Observer {
     /// Called for every frame, in order.
     fn frame(&mut self, _frame: Frame<'_>) -> ControlFlow<()> {
         ControlFlow::Continue(())
+    }
+
+    /// Whether frames are to have what springs and supports carry, asked when a run
+    /// begins or goes on. Tensions and their peaks are kept from then on.
+    fn wants_members(&self) -> bool {
+        false
     }
 
     /// Called after every step, with the simulated time in s and the steps made

@@ -3,6 +3,7 @@
 mod accounts;
 mod archive;
 mod events;
+mod members;
 mod steps;
 mod substeps;
 mod trials;
@@ -13,6 +14,7 @@ use crate::control::choose::{Start, start};
 use crate::control::controller::Schedule;
 use crate::run::dense_output::Between;
 use crate::run::frames::{AT_THE_END, Frames, Shown};
+use crate::run::members::{Supported, Track};
 use crate::run::observer::{either, offer};
 use crate::{
     Cause, Choice, Flows, HiddenState, Interval, Ledger, Method, MethodError, NodeStates, Observer,
@@ -71,6 +73,10 @@ pub struct Simulation {
     /// The most that energy of motion and of springs could come from, in J.
     most_energy: f64,
     interrupt: Interrupt,
+    n_springs: usize,
+    supported: Supported,
+    /// Tensions and their peaks, where somebody wants them.
+    track: Option<Track>,
     /// Room for what a step may have to take back.
     words: Vec<u64>,
 }
@@ -210,6 +216,9 @@ impl Simulation {
             before: nodes.clone(),
             nodes,
             interrupt: Interrupt::default(),
+            n_springs: scene.springs.len(),
+            supported: Supported::of(scene),
+            track: None,
             words: Vec::new(),
         })
     }
@@ -326,8 +335,13 @@ impl Simulation {
         if self.settle(&mut |steps| observer.trial(steps))?.is_break() {
             return Ok(Outcome::Stopped);
         }
+        let wants_members = observer.wants_members();
+        if wants_members {
+            self.track_members();
+        }
         if frames.is_first() {
-            let shown = frames.show(0.0, &self.nodes, observer);
+            let members = wants_members.then(|| self.members(None, 0.0, &self.nodes));
+            let shown = frames.show(0.0, &self.nodes, members, observer);
             if either(shown, offer(observer, || self.account(0.0))).is_break() {
                 return Ok(Outcome::Stopped);
             }
@@ -362,14 +376,19 @@ impl Simulation {
                 return Ok(ControlFlow::Break(()));
             }
             self.stepper.scatter(&mut self.nodes);
+            let wants_members = observer.wants_members();
             let stops = if fraction >= 1.0 - AT_THE_END {
-                let shown = frames.show(time, &self.nodes, observer);
+                let members =
+                    wants_members.then(|| self.members(Some(interval), time, &self.nodes));
+                let shown = frames.show(time, &self.nodes, members, observer);
                 either(shown, offer(observer, || self.account(time)))
             } else {
                 let mut between = std::mem::take(&mut frames.between);
                 let made = self.evaluate(interval, time, &mut between);
                 let stops = made.map(|()| {
-                    let shown = frames.show(time, &between, observer);
+                    let members =
+                        wants_members.then(|| self.members(Some(interval), time, &between));
+                    let shown = frames.show(time, &between, members, observer);
                     let account = || self.account_between(interval, time, &between);
                     either(shown, offer(observer, account))
                 });

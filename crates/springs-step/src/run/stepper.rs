@@ -23,6 +23,7 @@ pub struct Stepper {
     steps: u64,
     /// After the last attempt, in J.
     kinetic_energy: f64,
+    keeps_tensions: bool,
 }
 
 /// Where a stepper was.
@@ -100,6 +101,7 @@ impl Stepper {
             },
             steps: 0,
             kinetic_energy: 0.0,
+            keeps_tensions: false,
             system,
             method,
             before: state.clone(),
@@ -137,8 +139,17 @@ impl Stepper {
         &*self.method
     }
 
+    /// From now on methods keep tensions.
+    pub(crate) fn keep_tensions(&mut self) {
+        self.keeps_tensions = true;
+        self.method.keep_tensions(&self.system);
+    }
+
     /// Goes on with another method, and gives back the one before.
-    pub(crate) fn change_method(&mut self, method: Box<dyn Method>) -> Box<dyn Method> {
+    pub(crate) fn change_method(&mut self, mut method: Box<dyn Method>) -> Box<dyn Method> {
+        if self.keeps_tensions {
+            method.keep_tensions(&self.system);
+        }
         std::mem::replace(&mut self.method, method)
     }
 

@@ -34,6 +34,16 @@ impl Simulation {
         if let Schedule::Adaptive(controller) = &mut self.schedule {
             controller.visit(state);
         }
+        let mut is_tracked = self.track.is_some();
+        state.flag(&mut is_tracked);
+        if is_tracked {
+            self.track_members();
+        } else if self.track.is_some() {
+            return state.refuse();
+        }
+        if let Some(track) = &mut self.track {
+            track.visit(state);
+        }
         self.stepper.visit(state);
         self.between.visit(state);
         self.ledger.visit(state);

@@ -131,6 +131,10 @@ impl Simulation {
             return Err(self.stepper.error(cause, fastest, interval));
         }
         self.stepper.accept(interval, &mut self.work);
+        if let Some(track) = &mut self.track {
+            let (system, state) = (self.stepper.system(), self.stepper.state());
+            track.take(system, self.stepper.method(), state);
+        }
         self.ledger_before = std::mem::replace(&mut self.ledger, ledger);
         self.last_flows = flows;
         self.flows_between = None;

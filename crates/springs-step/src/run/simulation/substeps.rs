@@ -31,6 +31,7 @@ impl Simulation {
             return Err(error);
         }
         let (saved, ledger) = (self.stepper.bookmark(), self.ledger);
+        let track = self.track.clone();
         let mut flows = Flows::default();
         let mut interval = Interval {
             end: whole.start,
@@ -53,6 +54,7 @@ impl Simulation {
                 {
                     self.stepper.return_to(saved);
                     self.ledger = ledger;
+                    self.track = track;
                     return Err(error);
                 }
                 Err(_) => {
@@ -62,6 +64,9 @@ impl Simulation {
             }
         }
         self.stepper.count_as_one(saved);
+        if let (Some(track), Some(before)) = (&mut self.track, track) {
+            track.began_with(before.end().to_vec());
+        }
         (self.ledger_before, self.last_flows) = (ledger, flows);
         self.work.counts.rescued_steps += 1;
         Ok(whole)

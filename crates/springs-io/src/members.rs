@@ -1,0 +1,147 @@
+//! `springs.csv` with `peaks.csv`, and `reactions.csv`: what springs and supports carry.
+
+use crate::atomic::{WriteError, write_whole};
+use crate::growing::ContinueError;
+use crate::sink::{
+    FrameMembers, Mark, ResumeSink, RunEnd, RunPlan, Sink, SinkKind, TensionPeak, TrajectoryFrame,
+};
+use crate::table::{Rows, Table};
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+/// The output `reactions`: a row per frame and support, in N.
+pub static REACTIONS: Table = Table {
+    name: "reactions",
+    about: "reactions.csv: the force of every support on its node, at each frame",
+    file: "reactions.csv",
+    header: "time,node,fx,fy,fz",
+    rows: Rows::Members(reactions),
+};
+
+fn reactions(frame: &TrajectoryFrame<'_>, members: &FrameMembers<'_>, bytes: &mut Vec<u8>) {
+    for (node, force) in members.reactions {
+        let (time, [x, y, z]) = (frame.time, [force.x, force.y, force.z]);
+        writeln!(bytes, "{time:?},{node},{x:?},{y:?},{z:?}").expect("writing to memory");
+    }
+}
+
+static SPRINGS: Table = Table {
+    name: "springs",
+    about: "springs.csv: length, strain and tension of every spring at each frame; peaks.csv",
+    file: "springs.csv",
+    header: "time,spring,length,strain,tension,state",
+    rows: Rows::Members(springs),
+};
+
+fn springs(frame: &TrajectoryFrame<'_>, members: &FrameMembers<'_>, bytes: &mut Vec<u8>) {
+    let springs = members.springs.iter().zip(members.tensions);
+    for (index, (spring, &tension)) in springs.enumerate() {
+        let [a, b] = spring.nodes.map(|node| frame.positions[node]);
+        let length = (b - a).norm();
+        let strain = (length - spring.rest_length) / spring.rest_length;
+        let (time, state) = (frame.time, state(tension));
+        writeln!(
+            bytes,
+            "{time:?},{index},{length:?},{strain:?},{tension:?},{state}"
+        )
+        .expect("writing to memory");
+    }
+}
+
+fn state(tension: f64) -> &'static str {
+    if tension > 0.0 {
+        "taut"
+    } else if tension < 0.0 {
+        "pushed"
+    } else {
+        "slack"
+    }
+}
+
+const PEAKS: &str = "peaks.csv";
+
+/// The output `springs`: a row per frame and spring, and at the end of the run one per
+/// spring with its largest and least tension.
+#[derive(Clone, Copy, Debug)]
+pub struct SpringsAndPeaks;
+
+impl SinkKind for SpringsAndPeaks {
+    fn name(&self) -> &'static str {
+        SPRINGS.name
+    }
+
+    fn about(&self) -> &'static str {
+        SPRINGS.about
+    }
+
+    fn files(&self) -> Vec<&'static str> {
+        vec![SPRINGS.file, PEAKS]
+    }
+
+    fn begin(&self, folder: &Path, plan: &RunPlan<'_>) -> Result<Box<dyn Sink>, WriteError> {
+        Ok(Box::new(WithPeaks {
+            frames: SPRINGS.begin(folder, plan)?,
+            peaks: folder.join(PEAKS),
+        }))
+    }
+
+    fn resume(
+        &self,
+        folder: &Path,
+        plan: &RunPlan<'_>,
+        mark: &Mark,
+    ) -> Result<ResumeSink, ContinueError> {
+        let frames = SPRINGS.resume(folder, plan, mark)?;
+        let peaks = folder.join(PEAKS);
+        Ok(Box::new(move || {
+            Ok(Box::new(WithPeaks {
+                frames: frames()?,
+                peaks,
+            }))
+        }))
+    }
+}
+
+struct WithPeaks {
+    frames: Box<dyn Sink>,
+    peaks: PathBuf,
+}
+
+impl Sink for WithPeaks {
+    fn wants_members(&self) -> bool {
+        true
+    }
+
+    fn frame(&mut self, frame: &TrajectoryFrame<'_>) -> Result<(), WriteError> {
+        self.frames.frame(frame)
+    }
+
+    fn n_unwritten(&self) -> usize {
+        self.frames.n_unwritten()
+    }
+
+    fn keep(&mut self) -> Result<Vec<String>, WriteError> {
+        self.frames.keep()
+    }
+
+    fn mark(&self) -> Mark {
+        self.frames.mark()
+    }
+
+    fn finish(self: Box<Self>, end: &RunEnd<'_>) -> Result<(), WriteError> {
+        let mut text = "spring,max_tension,time_of_max,min_tension,time_of_min\n".to_owned();
+        for (spring, peak) in end.peaks.iter().enumerate() {
+            let TensionPeak {
+                max_tension,
+                time_of_max,
+                min_tension,
+                time_of_min,
+            } = peak;
+            text += &format!(
+                "{spring},{max_tension:?},{time_of_max:?},{min_tension:?},{time_of_min:?}\n"
+            );
+        }
+        self.frames.finish(end)?;
+        write_whole(&self.peaks, text.as_bytes())
+    }
+}

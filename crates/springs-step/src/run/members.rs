@@ -1,0 +1,266 @@
+//! What springs and supports carry.
+
+use crate::{HiddenState, Method, NodeStates, State};
+use nalgebra::Vector3;
+use springs_assembly::System;
+use springs_scene::{PrescribedMotion, Scene};
+
+/// What springs and supports carry at the time of a frame.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct Members {
+    /// The tension of each spring of the scene, in N, without the force of its dashpot.
+    pub tensions: Vec<f64>,
+    /// The force of each support, in the order of the nodes.
+    pub reactions: Vec<Reaction>,
+}
+
+/// The force of a support on its node.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Reaction {
+    /// The node.
+    pub node: usize,
+    /// In N.
+    pub force: Vector3<f64>,
+}
+
+/// The largest and the least tension of a spring at the ends of steps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Peak {
+    /// In N.
+    pub max_tension: f64,
+    /// When, in s.
+    pub time_of_max: f64,
+    /// In N.
+    pub min_tension: f64,
+    /// When, in s.
+    pub time_of_min: f64,
+}
+
+impl Peak {
+    pub(crate) fn at(time: f64, tension: f64) -> Self {
+        Self {
+            max_tension: tension,
+            time_of_max: time,
+            min_tension: tension,
+            time_of_min: time,
+        }
+    }
+
+    fn take(&mut self, time: f64, tension: f64) {
+        if tension > self.max_tension {
+            (self.max_tension, self.time_of_max) = (tension, time);
+        }
+        if tension < self.min_tension {
+            (self.min_tension, self.time_of_min) = (tension, time);
+        }
+    }
+}
+
+/// What supports carry and move beside the rest: the masses of the fixed nodes of a
+/// scene.
+pub(crate) struct Supported {
+    gravity: Vector3<f64>,
+    masses: Vec<SupportedMass>,
+}
+
+struct SupportedMass {
+    node: usize,
+    /// In kg.
+    mass: f64,
+    motion: Option<PrescribedMotion>,
+}
+
+impl Supported {
+    pub(crate) fn of(scene: &Scene) -> Self {
+        let masses = scene.node_masses().into_iter().enumerate();
+        let masses = masses.filter(|(node, mass)| scene.nodes[*node].fixed && *mass > 0.0);
+        let masses = masses.map(|(node, mass)| {
+            let motion = scene.nodes[node]
+                .motion
+                .map(|motion| &scene.motions[motion]);
+            SupportedMass {
+                node,
+                mass,
+                motion: motion.map(|named| named.motion.clone()),
+            }
+        });
+        Self {
+            gravity: scene.gravity,
+            masses: masses.collect(),
+        }
+    }
+
+    /// Adds m (a − g) at a time in s to reactions in the order of the nodes.
+    pub(crate) fn add_to(&self, time: f64, reactions: &mut [Reaction]) {
+        for SupportedMass { node, mass, motion } in &self.masses {
+            let moved = motion.as_ref().map(|motion| motion.at(time).acceleration);
+            let acceleration = moved.unwrap_or_else(Vector3::zeros);
+            if let Ok(index) = reactions.binary_search_by_key(node, |reaction| reaction.node) {
+                reactions[index].force += (acceleration - self.gravity) * *mass;
+            }
+        }
+    }
+}
+
+/// Tensions at both ends of the last step, and the peaks so far.
+#[derive(Clone)]
+pub(crate) struct Track {
+    n_springs: usize,
+    /// What the method carried; empty where positions say it.
+    start: Vec<f64>,
+    end: Vec<f64>,
+    is_carried: bool,
+    peaks: Vec<Peak>,
+}
+
+impl Track {
+    /// Begins at a state.
+    pub(crate) fn new(n_springs: usize, system: &System, state: &State) -> Self {
+        let mut end = vec![0.0; system.n_carried()];
+        system.carried(&state.x, &mut end);
+        let mut track = Self {
+            n_springs,
+            start: end.clone(),
+            end,
+            is_carried: false,
+            peaks: vec![Peak::at(state.time, 0.0); n_springs],
+        };
+        let peaks = &mut track.peaks;
+        system.each_tension(&state.x, None, &mut |spring, tension| {
+            peaks[spring] = Peak::at(state.time, tension);
+        });
+        track
+    }
+
+    /// Takes note of a step that stands.
+    pub(crate) fn take(&mut self, system: &System, method: &dyn Method, state: &State) {
+        std::mem::swap(&mut self.start, &mut self.end);
+        self.is_carried = match method.tensions() {
+            Some(tensions) => {
+                self.end.copy_from_slice(tensions);
+                true
+            }
+            None => {
+                system.carried(&state.x, &mut self.end);
+                false
+            }
+        };
+        let (peaks, time) = (&mut self.peaks, state.time);
+        system.each_tension(&state.x, Some(&self.end), &mut |spring, tension| {
+            peaks[spring].take(time, tension);
+        });
+    }
+
+    /// At a fraction of the last step, where the nodes are as in `state`; without the
+    /// weight of fixed nodes.
+    pub(crate) fn members(&self, system: &System, fraction: f64, state: &State) -> Members {
+        // What springs carry that steps do not resolve is not what positions between
+        // them say.
+        let carried = self.is_carried.then(|| {
+            let ends = self.start.iter().zip(&self.end);
+            let between = ends.map(|(start, end)| start + (end - start) * fraction);
+            between.collect::<Vec<f64>>()
+        });
+        let carried = carried.as_deref();
+        let mut tensions = vec![0.0; self.n_springs];
+        system.each_tension(&state.x, carried, &mut |spring, tension| {
+            tensions[spring] = tension;
+        });
+        let forces = system.support_forces(state.time, &state.x, &state.v, carried);
+        let reactions = forces.into_iter().map(|(block, force)| Reaction {
+            node: system.numbering().node(block),
+            force,
+        });
+        let mut reactions: Vec<Reaction> = reactions.collect();
+        reactions.sort_by_key(|reaction| reaction.node);
+        Members {
+            tensions,
+            reactions,
+        }
+    }
+
+    /// What each spring came to so far.
+    pub(crate) fn peaks(&self) -> &[Peak] {
+        &self.peaks
+    }
+
+    /// What was carried at the end of the last step.
+    pub(crate) fn end(&self) -> &[f64] {
+        &self.end
+    }
+
+    /// The last step began where `start` was carried.
+    pub(crate) fn began_with(&mut self, start: Vec<f64>) {
+        self.start = start;
+    }
+
+    pub(crate) fn visit(&mut self, state: &mut HiddenState) {
+        state.reals(&mut self.start);
+        state.reals(&mut self.end);
+        state.flag(&mut self.is_carried);
+        for peak in &mut self.peaks {
+            for real in [
+                &mut peak.max_tension,
+                &mut peak.time_of_max,
+                &mut peak.min_tension,
+                &mut peak.time_of_min,
+            ] {
+                state.real(real);
+            }
+        }
+    }
+}
+
+/// Members of a whole scene from those of its parts.
+pub(crate) struct Gathered {
+    pub(crate) members: Members,
+}
+
+impl Gathered {
+    pub(crate) fn new(n_springs: usize) -> Self {
+        Self {
+            members: Members {
+                tensions: vec![0.0; n_springs],
+                reactions: Vec::new(),
+            },
+        }
+    }
+
+    /// Adds those of a part, whose nodes and springs are these of the scene.
+    pub(crate) fn add(&mut self, part: Members, nodes: &[usize], springs: &[usize]) {
+        let all = &mut self.members;
+        for (k, &spring) in springs.iter().enumerate() {
+            all.tensions[spring] = part.tensions[k];
+        }
+        all.reactions
+            .extend(part.reactions.iter().map(|reaction| Reaction {
+                node: nodes[reaction.node],
+                ..*reaction
+            }));
+    }
+
+    /// Nodes that hold several parts have one reaction.
+    pub(crate) fn finish(self) -> Members {
+        let mut members = self.members;
+        members.reactions.sort_by_key(|reaction| reaction.node);
+        members.reactions.dedup_by(|next, kept| {
+            let is_same = next.node == kept.node;
+            if is_same {
+                kept.force += next.force;
+            }
+            is_same
+        });
+        members
+    }
+}
+
+/// Positions and velocities as global vectors at a time in s.
+pub(crate) fn state_of(system: &System, time: f64, nodes: &NodeStates) -> State {
+    let mut state = State::initial(system);
+    state.gather(system, nodes);
+    state.time = time;
+    state
+}
