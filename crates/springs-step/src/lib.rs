@@ -36,6 +36,7 @@ mod work;
 
 pub use anchors::Anchors;
 pub use control::choice::{Choice, Pace};
+pub use control::costs::CostModel;
 pub use control::plan::StepPlan;
 pub use error::{Cause, MethodError, SetupError, StepError, Suspect};
 pub use flows::Flows;
