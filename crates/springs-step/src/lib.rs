@@ -53,6 +53,7 @@ pub use method::rodas4::Rodas4;
 pub use method::splitting::Splitting;
 pub use method::table::{Properties, ToleranceKind, methods, properties};
 pub use method::tr_bdf2::TrBdf2;
+pub use method::verlet_pairs::VerletPairs;
 pub use method::{ErrorEstimate, Interval, Method};
 pub use run::dense_output::interpolate;
 pub use run::islands::Islands;

@@ -3,7 +3,7 @@
 use crate::implicit::solver_options::Hessian;
 use crate::{
     Choice, Dop853, Doubling, FilteredLeapfrog, ImplicitEuler, ImplicitMidpoint,
-    LinearlyImplicitEuler, Method, Pace, Rodas4, SetupError, Splitting, TrBdf2,
+    LinearlyImplicitEuler, Method, Pace, Rodas4, SetupError, Splitting, TrBdf2, VerletPairs,
 };
 use springs_assembly::System;
 use springs_scene::{self as scene, Scene, Tangent};
@@ -72,11 +72,19 @@ static TABLE: [Properties; 10] = [
     },
     Properties {
         stable_angle: Some(2.0),
-        tolerance: ToleranceKind::Doubling,
         is_compared_by_steps: true,
         tried_evaluations: Some(3.0),
         node_cost: 3.0,
-        build: |system, _| Ok(Box::new(Splitting::velocity_verlet(system))),
+        build: |system, choice| {
+            Ok(match choice.pace {
+                Pace::Tolerance(_) if !system.is_damped() => Box::new(VerletPairs::new(system)),
+                Pace::Tolerance(_) => {
+                    let verlet = Box::new(Splitting::velocity_verlet(system));
+                    Box::new(Doubling::new(system, verlet))
+                }
+                Pace::Fixed(_) => Box::new(Splitting::velocity_verlet(system)),
+            })
+        },
         ..explicit(scene::Method::VelocityVerlet)
     },
     Properties {
