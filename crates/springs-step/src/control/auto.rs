@@ -266,7 +266,7 @@ impl Auto {
         {
             return Ok(None);
         }
-        let step = self.costs.step_with_matrix();
+        let step = self.costs.step_with_matrix() + self.costs.attempt();
         if self.costs.analysis + fewest * step > budget {
             return Ok(None);
         }
@@ -338,7 +338,7 @@ impl Auto {
     /// Takes note of a step of size `h` that did `counts`.
     pub(crate) fn record(&mut self, h: f64, counts: Counts) {
         let evaluation = self.candidates[self.current].evaluation;
-        self.spent += self.costs.of_counts(&counts, evaluation);
+        self.spent += self.costs.of_counts(&counts, evaluation) + self.costs.of_attempts(&counts);
         self.covered += h;
         self.step_size = h;
     }
