@@ -112,6 +112,7 @@ fn spring(n_nodes: usize) -> impl Strategy<Value = Spring> {
             rest_length,
             mass,
             damping,
+            law: None,
         },
     )
 }

@@ -24,17 +24,21 @@
 
 pub mod generate;
 mod islands;
+mod law;
 mod load;
 mod prescribed;
+mod pretension;
 mod problems;
 mod scene;
 mod settings;
 mod text;
 
 pub use islands::{Island, Partition};
+pub use law::{LawFault, SpringLaw};
 pub use load::{Load, OverTime};
 pub use nalgebra::Vector3;
 pub use prescribed::{Displacement, PrescribedMotion};
+pub use pretension::{AxialStiffness, PretensionError, rest_length_under};
 pub use problems::{Path, Problem};
 pub use scene::{Guide, NamedMotion, Node, Rayleigh, Scene, Spring};
 pub use settings::{

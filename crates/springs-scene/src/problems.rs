@@ -1,6 +1,9 @@
 //! What can be wrong with a scene, all of it at once.
 
-use crate::{Guide, Load, Node, OverTime, PrescribedMotion, RunOptions, Scene, StepControl};
+use crate::{
+    Guide, LawFault, Load, Node, OverTime, PrescribedMotion, RunOptions, Scene, Spring, SpringLaw,
+    StepControl,
+};
 use nalgebra::Vector3;
 use std::fmt;
 
@@ -21,6 +24,12 @@ pub enum Path {
     Load(usize, Option<&'static str>),
     /// A field of a motion, or the whole motion.
     Motion(usize, Option<&'static str>),
+    /// A law of springs.
+    Law(usize),
+    /// A field of a material of a scene file, or the whole material.
+    Material(usize, Option<&'static str>),
+    /// A group of nodes of a scene file.
+    Group(usize),
 }
 
 impl fmt::Display for Path {
@@ -33,6 +42,9 @@ impl fmt::Display for Path {
             Self::Spring(index, field) => ("springs", index, field),
             Self::Load(index, field) => ("loads", index, field),
             Self::Motion(index, field) => ("motions", index, field),
+            Self::Law(index) => ("laws", index, None),
+            Self::Material(index, field) => ("materials", index, field),
+            Self::Group(index) => ("groups", index, None),
         };
         write!(f, "{list}[{index}]")?;
         field.map_or(Ok(()), |field| write!(f, ".{field}"))
@@ -118,6 +130,43 @@ pub enum Problem {
         node: usize,
         /// How many nodes there are.
         nodes: usize,
+    },
+    /// A spring has a law that is not there.
+    #[error("spring {spring} has law {law}, but the scene has {laws} of them")]
+    NoSuchLaw {
+        /// The spring.
+        spring: usize,
+        /// The law it asks for.
+        law: usize,
+        /// How many there are.
+        laws: usize,
+    },
+    /// Something is wrong with a law.
+    #[error("{fault}")]
+    Law {
+        /// The law.
+        law: usize,
+        /// What is wrong.
+        fault: LawFault,
+    },
+    /// A law in strain needs a length to refer to.
+    #[error("spring {spring} has a law in strain, so its rest length must be greater than zero")]
+    NoStrain {
+        /// The spring.
+        spring: usize,
+    },
+    /// A spring has another stiffness than its law.
+    #[error(
+        "the stiffness of spring {spring} is {stiffness:?} N/m, but its law gives tensions by \
+         itself and has {own:?} N/m at rest"
+    )]
+    OtherStiffness {
+        /// The spring.
+        spring: usize,
+        /// Its K, in N/m.
+        stiffness: f64,
+        /// That of its law, in N/m.
+        own: f64,
     },
     /// A load acts on a node that is not there.
     #[error("load {load} acts on node {node}, but {}", available(*nodes))]
@@ -231,6 +280,9 @@ pub enum Problem {
 /// Of velocities across a guide, which many steps have added up.
 const ROUNDING: f64 = 1e-9;
 
+/// Of a stiffness that is said twice.
+const SAME_STIFFNESS: f64 = 1e-6;
+
 /// Steps are not shorter than this, in s.
 const SHORTEST_STEP: f64 = 1e-150;
 
@@ -269,7 +321,12 @@ impl Problem {
             Self::TooFar { node } => Path::Node(node, Some("position")),
             Self::TooLight { node, .. } => Path::Node(node, Some("mass")),
             Self::TooFast { node } => Path::Node(node, Some("velocity")),
-            Self::TooStrained { spring } => Path::Spring(spring, Some("stiffness")),
+            Self::TooStrained { spring } | Self::OtherStiffness { spring, .. } => {
+                Path::Spring(spring, Some("stiffness"))
+            }
+            Self::NoSuchLaw { spring, .. } => Path::Spring(spring, Some("law")),
+            Self::Law { law, .. } => Path::Law(law),
+            Self::NoStrain { spring } => Path::Spring(spring, Some("rest_length")),
             Self::TooShort { .. } => Path::Simulation("step"),
             Self::TooMany { what, .. } => Path::Scene(what),
         }
@@ -280,6 +337,9 @@ impl Problem {
         match self {
             Self::NoSuchNode { .. } | Self::NoSuchLoaded { .. } => Some("nodes are counted from 0"),
             Self::NoSuchMotion { .. } => Some("motions are counted from 0"),
+            Self::NoSuchLaw { .. } => Some("laws are counted from 0"),
+            Self::Law { fault, .. } => fault.advice(),
+            Self::OtherStiffness { .. } => Some("leave the stiffness out"),
             Self::MovesFreely { .. } => Some("write fixed: true, or leave the motion out"),
             Self::EmptyMotion { .. } => Some("give it a point (time, (x, y, z)), or leave it out"),
             Self::MotionNotInOrder { .. } | Self::NotInOrder { .. } => {
@@ -321,6 +381,9 @@ fn subject(path: &Path) -> String {
         Path::Spring(index, field) => of("spring", index, field),
         Path::Load(index, field) => of("load", index, field),
         Path::Motion(index, field) => of("motion", index, field),
+        Path::Law(index) => of("law", index, None),
+        Path::Material(index, field) => of("material", index, field),
+        Path::Group(index) => of("group", index, None),
     }
 }
 
@@ -386,7 +449,7 @@ impl Scene {
         for (index, spring) in self.springs.iter().enumerate() {
             let path = |field| Path::Spring(index, Some(field));
             if problems.joins_two_nodes(index, spring.nodes, self.nodes.len()) {
-                let holds = spring.stiffness > 0.0 || spring.mass > 0.0;
+                let holds = spring.is_elastic() || spring.mass > 0.0;
                 for node in spring.nodes {
                     held[node] |= holds;
                 }
@@ -395,6 +458,13 @@ impl Scene {
             problems.not_negative(path("rest_length"), spring.rest_length);
             problems.not_negative(path("mass"), spring.mass);
             problems.not_negative(path("damping"), spring.damping);
+            if let Some(law) = spring.law {
+                problems.has_law(index, spring, law, &self.laws);
+            }
+        }
+        for (law, fault) in self.laws.iter().map(SpringLaw::fault).enumerate() {
+            let problem = fault.map(|fault| Problem::Law { law, fault });
+            problems.0.extend(problem);
         }
         for (index, node) in self.nodes.iter().enumerate() {
             if !node.fixed && node.mass == 0.0 && !held[index] {
@@ -517,6 +587,37 @@ impl Problems {
         }
     }
 
+    fn has_law(&mut self, index: usize, spring: &Spring, law: usize, laws: &[SpringLaw]) {
+        let Some(found) = laws.get(law) else {
+            return self.0.push(Problem::NoSuchLaw {
+                spring: index,
+                law,
+                laws: laws.len(),
+            });
+        };
+        let Spring {
+            stiffness,
+            rest_length,
+            ..
+        } = *spring;
+        if !found.needs_rest_length() {
+            return;
+        }
+        if rest_length == 0.0 {
+            return self.0.push(Problem::NoStrain { spring: index });
+        }
+        let own = found.own_axial_stiffness();
+        if let Some(own) = own.map(|own| own / rest_length)
+            && (stiffness - own).abs() > SAME_STIFFNESS * own
+        {
+            self.0.push(Problem::OtherStiffness {
+                spring: index,
+                stiffness,
+                own,
+            });
+        }
+    }
+
     fn motion(&mut self, index: usize, motion: &PrescribedMotion) {
         let path = Path::Motion(index, None);
         match motion {
@@ -629,7 +730,7 @@ impl Problems {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Spring, Vector3};
+    use crate::Vector3;
 
     fn lines(scene: &Scene) -> Vec<String> {
         let line = |problem: &Problem| format!("{}: {problem}", problem.path());
@@ -660,6 +761,7 @@ mod tests {
             rest_length: -0.5,
             mass: 0.0,
             damping: f64::NAN,
+            law: None,
         };
         scene.springs.push(spring);
         scene.springs.push(Spring {
