@@ -228,7 +228,11 @@ impl<L: LengthLaw + Clone + Send + Sync> Emitter for Springs<L> {
         Nature {
             n_terms: self.len(),
             n_merged: self.merged.len(),
-            stiffness: self.stiffness,
+            stiffness: if self.laws.is_empty() {
+                StiffnessKind::None
+            } else {
+                self.stiffness
+            },
             is_constant: false,
             is_load: false,
             is_damped: false,

@@ -280,6 +280,6 @@ Scene(
         assert_eq!(at(Path::Material(0, Some("EA"))), 33);
         assert_eq!(at(Path::Material(1, Some("area"))), 55);
         assert_eq!(at(Path::Material(1, None)), 37);
-        assert_eq!(at(Path::Material(1, Some("law"))), 42);
+        assert_eq!(at(Path::Material(1, Some("law"))), 37);
     }
 }
