@@ -318,6 +318,10 @@ impl SpringReader<'_> {
             return;
         };
         let law = spring.law.map(|law| self.resolved.laws[law].clone());
+        if law.as_ref().is_some_and(|law| law.fault().is_some()) {
+            // Validation says so.
+            return;
+        }
         let own = law.as_ref().and_then(SpringLaw::own_axial_stiffness);
         let area = means.area.unwrap_or(f64::NAN);
         let axial = match (means.axial, own) {
@@ -343,8 +347,9 @@ impl SpringReader<'_> {
             match rest_length(field, value, length, axial, law.as_ref()) {
                 Ok(rest_length) => spring.rest_length = rest_length,
                 Err((message, advice)) => {
+                    let name = field.replace('_', " ");
                     let message =
-                        format!("the {field} of spring {index} is not possible: {message}");
+                        format!("the {name} of spring {index} is not possible: {message}");
                     return self.find(owner.path(field), message, Some(advice));
                 }
             }

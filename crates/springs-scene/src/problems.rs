@@ -600,7 +600,7 @@ impl Problems {
             rest_length,
             ..
         } = *spring;
-        if !found.needs_rest_length() {
+        if !found.needs_rest_length() || found.fault().is_some() {
             return;
         }
         if rest_length == 0.0 {
