@@ -31,6 +31,9 @@ pub struct SpringInput {
     pub material: Option<usize>,
     /// Its cross section, in m², if that is known.
     pub area: Option<f64>,
+    /// Whether its stiffness comes of EA or E, and its mass of a mass per length or a
+    /// density.
+    pub is_by_length: bool,
     /// Whether its rest length comes of a tension or a strain.
     pub is_prestressed: bool,
 }
@@ -376,6 +379,8 @@ impl SpringReader<'_> {
             spring: index,
             material,
             area: means.area,
+            is_by_length: matches!(axial, AxialStiffness::OfMaterial(_))
+                && !matches!(means.mass, None | Some(("mass", _))),
             is_prestressed: !matches!(rest, None | Some(("rest_length", _))),
         });
     }

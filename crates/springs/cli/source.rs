@@ -2,7 +2,7 @@
 
 use super::Advised;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use springs::io::{Finding, SceneError, parse_scene, read_text};
+use springs::io::{Finding, Inputs, SceneError, parse_scene_with_inputs, read_text};
 use springs::scene::{
     LinearTolerance, Method, Path as ScenePath, RunOptions, Scene, StepControl, Tangent,
 };
@@ -167,7 +167,8 @@ impl SceneArguments {
             }
         };
         let text = text.map_err(advised)?;
-        let (mut scene, mut options) = parse_scene(&file, &text).map_err(advised)?;
+        let read = parse_scene_with_inputs(&file, &text).map_err(advised)?;
+        let (mut scene, mut options, inputs) = read;
         let settings = &mut scene.settings;
         if let Some(method) = self.method {
             // The tangent in the file was meant for the method there.
@@ -193,6 +194,7 @@ impl SceneArguments {
             None => Ok(Source {
                 scene,
                 options,
+                inputs,
                 file,
                 text,
                 replaced: self.replaced(),
@@ -222,6 +224,8 @@ pub(crate) fn default_intervals(scene: &Scene) -> usize {
 pub(crate) struct Source {
     pub(crate) scene: Scene,
     pub(crate) options: RunOptions,
+    /// How the file gives its springs.
+    pub(crate) inputs: Inputs,
     file: String,
     text: String,
     /// Fields of `simulation` that come from the command line.
