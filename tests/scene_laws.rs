@@ -20,10 +20,15 @@ fn finished(scene: &Scene) -> Simulation {
     simulation
 }
 
-/// The gradient of a function of the free coordinates, by central differences.
-fn gradient<F: Fn(&[Vector3<f64>]) -> DVector<f64>>(system: &System, of: F) -> DMatrix<f64> {
+/// The gradient of a function of the free coordinates or velocities, by central
+/// differences.
+fn gradient(
+    system: &System,
+    at: &[Vector3<f64>],
+    of: impl Fn(&[Vector3<f64>]) -> DVector<f64>,
+) -> DMatrix<f64> {
     let h = 1e-6;
-    let mut x = system.initial_positions().to_vec();
+    let mut x = at.to_vec();
     let columns = (0..3 * system.n_free()).map(|unknown| {
         let (block, axis) = (unknown / 3, unknown % 3);
         let middle = x[block][axis];
@@ -38,10 +43,25 @@ fn gradient<F: Fn(&[Vector3<f64>]) -> DVector<f64>>(system: &System, of: F) -> D
     DMatrix::from_columns(&columns.collect::<Vec<_>>())
 }
 
+fn scalars(vectors: &[Vector3<f64>]) -> DVector<f64> {
+    DVector::from_iterator(3 * vectors.len(), vectors.iter().flatten().copied())
+}
+
+fn matrix(system: &System, weights: Weights) -> DMatrix<f64> {
+    let (x, v) = (system.initial_positions(), system.initial_velocities());
+    let mut linearization = system.linearization();
+    system.linearize(&Evaluation::new(x, v, weights), &mut linearization);
+    let mut matrix = DMatrix::zeros(3 * system.n_free(), 3 * system.n_free());
+    for (row, column, value) in linearization.matrix.triplets() {
+        matrix[(row, column)] += value;
+    }
+    matrix
+}
+
 fn static_forces(system: &System, x: &[Vector3<f64>]) -> DVector<f64> {
     let mut forces = vec![Vector3::zeros(); system.n_free()];
     system.static_forces(x, &mut forces);
-    DVector::from_iterator(3 * forces.len(), forces.iter().flatten().copied())
+    scalars(&forces)
 }
 
 /// Differences of 1e-6 m, of energies of about 10 J and forces of about 100 N.
@@ -56,20 +76,26 @@ fn forces_and_hessians_are_derivatives() {
             let rest = vec![Vector3::zeros(); x.len()];
             DVector::from_element(1, system.energy(x, &rest).potential.sum())
         };
-        let slope = gradient(&system, energy);
+        let slope = gradient(&system, x, energy);
         let off = (slope.transpose() + &forces).amax();
         assert!(off < 1e-7 * forces.amax(), "force, law {law}: {off:e}");
 
-        let at = Evaluation::new(x, system.initial_velocities(), Weights::STIFFNESS);
-        let mut linearization = system.linearization();
-        system.linearize(&at, &mut linearization);
-        let mut hessian = DMatrix::zeros(forces.len(), forces.len());
-        for (row, column, value) in linearization.matrix.triplets() {
-            hessian[(row, column)] += value;
-        }
-        let slope = gradient(&system, |x| static_forces(&system, x));
+        let hessian = matrix(&system, Weights::STIFFNESS);
+        let slope = gradient(&system, system.initial_positions(), |x| {
+            static_forces(&system, x)
+        });
         let off = (slope + &hessian).amax();
         assert!(off < 1e-6 * hessian.amax(), "Hessian, law {law}: {off:e}");
+
+        let damping = matrix(&system, Weights::of_damping(1.0));
+        let slope = gradient(&system, system.initial_velocities(), |v| {
+            let mut forces = vec![Vector3::zeros(); system.n_free()];
+            system.forces(0.0, x, v, &mut forces);
+            scalars(&forces)
+        });
+        let off = (slope + &damping).amax();
+        assert!(damping.amax() > 0.0);
+        assert!(off < 1e-6 * damping.amax(), "damping, law {law}: {off:e}");
     }
 }
 
