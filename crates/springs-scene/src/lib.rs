@@ -26,8 +26,10 @@ pub mod generate;
 mod islands;
 mod law;
 mod load;
+mod path;
 mod prescribed;
 mod pretension;
+mod problem;
 mod problems;
 mod scene;
 mod settings;
@@ -37,9 +39,10 @@ pub use islands::{Island, Partition};
 pub use law::{LawFault, SpringLaw};
 pub use load::{Load, OverTime};
 pub use nalgebra::Vector3;
+pub use path::Path;
 pub use prescribed::{Displacement, PrescribedMotion};
 pub use pretension::{AxialStiffness, PretensionError, rest_length_under};
-pub use problems::{Path, Problem};
+pub use problem::Problem;
 pub use scene::{Guide, NamedMotion, Node, Rayleigh, Scene, Spring};
 pub use settings::{
     LinearTolerance, Method, RunOptions, Settings, StepControl, Tangent, UnknownName,
