@@ -7,12 +7,13 @@ use common::laws::{laws, with_laws, with_mixed_laws};
 use common::{distance, tangle, with};
 use nalgebra::{DMatrix, DVector, Vector3};
 use springs::assembly::{Evaluation, SpringBetween, Springs, System, Weights, compile};
-use springs::io::{parse_scene, scene_to_string};
+use springs::io::read_scene;
 use springs::math::spring::LengthLaw;
 use springs::scene::{Method, Node, RunOptions, Scene, SpringLaw, StepControl};
 use springs::step::{Frame, Islands, Observer, Outcome, Simulation};
 use std::f64::consts::PI;
 use std::ops::ControlFlow;
+use std::path::Path;
 
 fn finished(scene: &Scene) -> Simulation {
     let mut simulation = Simulation::new(scene).unwrap();
@@ -453,39 +454,16 @@ impl Observer for FirstMode {
 #[test]
 fn the_chain_of_fermi_pasta_ulam_and_tsingou_returns() {
     let period = PI / (PI / 66.0).sin();
-    let nodes = (0..=33).map(|n| {
-        let is_end = n % 33 == 0;
-        let q = if is_end {
-            0.0
-        } else {
-            (PI * f64::from(n) / 33.0).sin()
-        };
-        let (x, held) = (
-            f64::from(n) + q,
-            if is_end { "fixed: true" } else { "mass: 1" },
-        );
-        format!("(position: ({x:?}, 0, 0), {held}),")
-    });
-    let nodes: String = nodes.collect();
-    let spring = |n| {
-        format!(
-            "(nodes: ({n}, {}), material: \"string\", rest_length: 1),",
-            n + 1
-        )
-    };
-    let springs: String = (0..33).map(spring).collect();
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/scenes/fput.ron");
+    let given = read_scene(&path).unwrap().0;
     for (method, back, after, within) in [
-        ("VelocityVerlet", 0.979, 158.4, 0.1),
-        ("BlanesMoan6", 0.9807, 153.45, 0.3),
+        (Method::VelocityVerlet, 0.979, 158.4, 0.1),
+        (Method::BlanesMoan6, 0.9807, 153.45, 0.3),
     ] {
-        let text = format!(
-            "Scene(version: 1, materials: {{\"string\": (law: Polynomial([1, 0.25]))}},
-            nodes: [{nodes}], springs: [{springs}],
-            simulation: (method: {method}, step: 0.25, duration: 11000))"
-        );
-        let scene = parse_scene("fput.ron", &text).unwrap().0;
-        let again = scene_to_string(&scene, &RunOptions::default());
-        assert_eq!(parse_scene("again.ron", &again).unwrap().0, scene);
+        let mut scene = given.clone();
+        scene.settings.method = method;
+        scene.settings.step = StepControl::Fixed(0.25);
+        scene.settings.duration = 11_000.0;
         let mut first_mode = FirstMode {
             period,
             energies: Vec::new(),
