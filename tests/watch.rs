@@ -6,7 +6,8 @@ mod common;
 use common::{Random, append, tangle, with};
 use nalgebra::Vector3;
 use springs::assembly::{Compilation, compile_with};
-use springs::scene::{Method, Node, RunOptions, Scene};
+use springs::scene::generate::{Material, chain};
+use springs::scene::{Method, Node, RunOptions, Scene, StepControl};
 use springs::step::{
     Account, Cause, Frame, Islands, NodeStates, Observer, Simulation, State, StepError,
 };
@@ -224,7 +225,7 @@ fn accounts_of_several_parts_are_of_one_time() {
     for (method, tolerance, allowed) in [(Method::Dop853, 1e-8, 1e-5), (Method::TrBdf2, 1e-6, 2e-3)]
     {
         scene.settings.method = method;
-        scene.settings.step = springs::scene::StepControl::Tolerance(tolerance);
+        scene.settings.step = StepControl::Tolerance(tolerance);
         let [apart, together] = [true, false].map(|skip| {
             let options = RunOptions::default().with_skip(skip);
             accounts(&scene, &options, 41)
@@ -248,7 +249,6 @@ fn accounts_of_several_parts_are_of_one_time() {
 /// one, and no reason to stop.
 #[test]
 fn stiff_springs_that_a_step_overstretched_are_no_divergence() {
-    use springs::scene::generate::{Material, chain};
     let n = 5000;
     let method = Method::LinearlyImplicitEuler;
     let mut scene = with(&chain(n, Material::of_chain(n)), method, None, 1.0 / 60.0);
@@ -258,4 +258,37 @@ fn stiff_springs_that_a_step_overstretched_are_no_divergence() {
     // It swings down as a chain of a metre does.
     let tip = simulation.nodes().positions[n];
     assert!(tip.z < -0.3 && tip.norm() < 1.1, "{tip}");
+}
+
+/// Where a tolerance is larger than springs are long, steps that meet it may stretch
+/// stiff ones to twice their length.
+#[test]
+fn what_a_tolerance_allows_is_no_divergence() {
+    let mut scene = chain(
+        100,
+        Material {
+            stiffness: 1e9,
+            ..Material::of_chain(100)
+        },
+    );
+    for spring in &mut scene.springs {
+        spring.damping = 0.0;
+    }
+    scene.settings.duration = 0.5;
+    let mut ends = Vec::new();
+    for method in [Method::Auto, Method::FilteredLeapfrog] {
+        scene.settings.method = method;
+        scene.settings.step = StepControl::Tolerance(0.1);
+        let mut simulation = Simulation::new(&scene).unwrap();
+        simulation.run(1, &mut ()).unwrap();
+        ends.push(simulation.nodes().positions[100]);
+    }
+    scene.settings.method = Method::TrBdf2;
+    scene.settings.step = StepControl::Tolerance(1e-3);
+    let mut simulation = Simulation::new(&scene).unwrap();
+    simulation.run(1, &mut ()).unwrap();
+    for end in ends {
+        let off = (end - simulation.nodes().positions[100]).norm();
+        assert!(off < 0.1, "{off:e} m");
+    }
 }

@@ -172,9 +172,9 @@ pub trait Emitter: Send + Sync {
         0
     }
 
-    /// The energy, in J, of terms that are strained by more than a part `strain`;
-    /// all of it where that has no meaning.
-    fn energy_beyond(&self, _strain: f64, x: &[Vector3<f64>]) -> f64 {
+    /// The energy, in J, of terms that are notably strained; all of it where that has
+    /// no meaning.
+    fn energy_beyond(&self, _notable: Notable, x: &[Vector3<f64>]) -> f64 {
         self.energy(x)
     }
 
@@ -187,6 +187,22 @@ pub trait Emitter: Send + Sync {
     /// most.
     fn most_strained_at(&self, _block: usize, _x: &[Vector3<f64>]) -> Option<Strained> {
         None
+    }
+}
+
+/// From where on a change of length is notable: both of these.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Notable {
+    /// As a part of the rest length.
+    pub strain: f64,
+    /// In m.
+    pub stretch: f64,
+}
+
+impl Notable {
+    /// Whether a length is, in m.
+    pub fn contains(&self, length: f64, rest_length: f64) -> bool {
+        (length - rest_length).abs() > self.stretch.max(self.strain * rest_length)
     }
 }
 

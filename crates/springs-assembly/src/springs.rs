@@ -3,8 +3,8 @@
 use crate::connections::Connections;
 use crate::matrix::{OffDiagonal, PairBlocks, times};
 use crate::{
-    BetweenFixed, Emitter, Evaluation, Linearization, Nature, Numbering, Projection, StiffnessKind,
-    Strained,
+    BetweenFixed, Emitter, Evaluation, Linearization, Nature, Notable, Numbering, Projection,
+    StiffnessKind, Strained,
 };
 use nalgebra::Vector3;
 use springs_math::Separation;
@@ -442,11 +442,11 @@ impl<L: LengthLaw + Clone + Send + Sync> Emitter for Springs<L> {
         self.connections.live().filter(is_projected).count()
     }
 
-    fn energy_beyond(&self, strain: f64, x: &[Vector3<f64>]) -> f64 {
+    fn energy_beyond(&self, notable: Notable, x: &[Vector3<f64>]) -> f64 {
         let energy = |index: usize| {
             let (_, length) = self.tension_and_length(index, x);
             let rest_length = self.laws[index].rest_length();
-            if (length - rest_length).abs() > strain * rest_length {
+            if notable.contains(length, rest_length) {
                 self.laws[index].energy(length)
             } else {
                 0.0

@@ -1,7 +1,7 @@
 //! Energies of a system, and the work of what holds it.
 
 use super::System;
-use crate::{Emitter, Energy, Evaluation, Lines, Strained};
+use crate::{Emitter, Energy, Evaluation, Lines, Notable, Strained};
 use nalgebra::Vector3;
 
 impl System {
@@ -34,10 +34,10 @@ impl System {
         self.lines(|emitter| emitter.energy_on_free_blocks(x))
     }
 
-    /// Potential energy, in J, of terms that are strained by more than a part
-    /// `strain`, and all of those for which that has no meaning.
-    pub fn energy_beyond(&self, strain: f64, x: &[Vector3<f64>]) -> Lines {
-        self.lines(|emitter| emitter.energy_beyond(strain, x))
+    /// Potential energy, in J, of terms that are notably strained, and all
+    /// of those for which that has no meaning.
+    pub fn energy_beyond(&self, notable: Notable, x: &[Vector3<f64>]) -> Lines {
+        self.lines(|emitter| emitter.energy_beyond(notable, x))
     }
 
     /// The energy, in J, that rounding of coordinates is good for.

@@ -2,8 +2,8 @@
 
 use super::Simulation;
 use crate::control::controller::Schedule;
-use crate::{Cause, Counts, Interval, Properties};
-use springs_assembly::Lines;
+use crate::{Cause, Counts, Interval, Pace, Properties};
+use springs_assembly::{Lines, Notable};
 
 /// Evaluations of forces between two looks at the energy of springs, where no
 /// linear system is solved, beside which a look costs nothing.
@@ -58,7 +58,16 @@ impl Simulation {
         if row.is_some_and(Properties::damps_unresolved_vibrations) {
             elastic = 0.0;
         } else if looks {
-            elastic = stored(&system.energy_beyond(NOTABLE_STRAIN, &state.x));
+            // What a tolerance allows is no divergence.
+            let stretch = match self.choice.pace {
+                Pace::Tolerance(tolerance) => tolerance,
+                Pace::Fixed(_) => 0.0,
+            };
+            let notable = Notable {
+                strain: NOTABLE_STRAIN,
+                stretch,
+            };
+            elastic = stored(&system.energy_beyond(notable, &state.x));
         }
         let start = self.ledger.start;
         let now = system.energy(&state.x, &state.v);
