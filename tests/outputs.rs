@@ -253,6 +253,6 @@ fn outputs_go_on_together_or_not_at_all() {
     other.nodes.pop();
     let scene = &other;
     let error = refused(&text, &RunPlan { scene, intervals });
-    assert_eq!(error, "what it says of filmstrip.svg is not of this scene");
+    assert_eq!(error, "what it says of trajectory.npz is not of this scene");
     Sinks::resume(folder, &plan, &marks).unwrap();
 }

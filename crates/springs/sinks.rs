@@ -4,7 +4,7 @@ use crate::filmstrip::Filmstrip;
 use crate::report::energy_sum;
 use serde::{Deserialize, Serialize};
 use springs_io::{
-    ContinueError, ENERGIES, FrameEnergies, FrameMembers, Mark, REACTIONS, ResumeSink, RunEnd,
+    ContinueError, ENERGIES, FrameEnergies, FrameMembers, Mark, Npz, REACTIONS, ResumeSink, RunEnd,
     RunPlan, Sink, SinkKind, SpringsAndPeaks, TRAJECTORY, TensionPeak, TrajectoryFrame, WriteError,
 };
 use springs_scene::Spring;
@@ -17,6 +17,7 @@ pub static SINKS: &[&dyn SinkKind] = &[
     &ENERGIES,
     &SpringsAndPeaks,
     &REACTIONS,
+    &Npz,
     &Filmstrip,
 ];
 

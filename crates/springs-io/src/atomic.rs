@@ -57,7 +57,7 @@ impl Draft {
     /// Appends what `write` writes, in few pieces.
     pub(crate) fn write_by(
         &mut self,
-        write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+        write: impl FnOnce(&mut io::BufWriter<&mut File>) -> io::Result<()>,
     ) -> Result<(), WriteError> {
         let mut buffer = io::BufWriter::new(self.file.as_file_mut());
         let written = write(&mut buffer).and_then(|()| buffer.flush());

@@ -4,7 +4,7 @@ use crate::atomic::{Draft, WriteError, failure};
 use serde::{Deserialize, Serialize};
 use std::ffi::OsString;
 use std::fs::{File, OpenOptions};
-use std::io::{ErrorKind, Read as _, Seek as _, SeekFrom, Write as _};
+use std::io::{self, BufWriter, ErrorKind, Read as _, Seek as _, SeekFrom, Write as _};
 use std::path::{Path, PathBuf};
 use tempfile::TempPath;
 
@@ -30,12 +30,12 @@ pub struct GrowingFile {
 pub struct FileMark {
     /// Its length.
     #[serde(rename = "bytes")]
-    n_bytes: u64,
+    pub(crate) n_bytes: u64,
     /// Its check sum, CRC-32.
-    sum: u32,
+    pub(crate) sum: u32,
     /// Bytes that did not find room.
     #[serde(with = "as_text")]
-    unwritten: Vec<u8>,
+    pub(crate) unwritten: Vec<u8>,
 }
 
 /// A file that begins as a [`FileMark`] says, not yet changed.
@@ -89,6 +89,16 @@ pub enum ContinueError {
     },
 }
 
+impl ContinueError {
+    /// What to say where an unfinished file is unfit, and the finished one, too.
+    pub(crate) fn or_if_missing(self, finished: Self) -> Self {
+        match self {
+            Self::Missing { .. } => finished,
+            unfit => unfit,
+        }
+    }
+}
+
 impl GrowingFile {
     /// Starts the file that will be at `path`; nothing is left of it if it is
     /// neither kept nor finished.
@@ -115,20 +125,29 @@ impl GrowingFile {
     ///
     /// If it cannot be read, is missing, or begins otherwise.
     pub fn find(path: &Path, mark: FileMark) -> Result<FoundFile, ContinueError> {
-        let found = |file, is_part| FoundFile {
-            path: path.to_owned(),
-            file,
-            is_part,
-            mark: mark.clone(),
-        };
-        let unfit = match open_beginning(&part_of(path), &mark) {
-            Ok(file) => return Ok(found(file, true)),
+        let unfit = match Self::find_part(path, &mark) {
+            Ok(found) => return Ok(found),
             Err(error) => error,
         };
-        match (open_beginning(path, &mark), unfit) {
-            (Ok(file), _) => Ok(found(file, false)),
-            (Err(error), ContinueError::Missing { .. }) | (Err(_), error) => Err(error),
+        match open_beginning(path, &mark) {
+            Ok(file) => Ok(FoundFile {
+                path: path.to_owned(),
+                file,
+                is_part: false,
+                mark,
+            }),
+            Err(error) => Err(unfit.or_if_missing(error)),
         }
+    }
+
+    /// [`Self::find`] of a file that was kept, not finished.
+    pub(crate) fn find_part(path: &Path, mark: &FileMark) -> Result<FoundFile, ContinueError> {
+        Ok(FoundFile {
+            path: path.to_owned(),
+            file: open_beginning(&part_of(path), mark)?,
+            is_part: true,
+            mark: mark.clone(),
+        })
     }
 
     /// Appends what `write` appends to the bytes that it is given.
@@ -198,6 +217,30 @@ impl GrowingFile {
             None => std::fs::rename(part_of(&self.path), &self.path),
         };
         named.map_err(failure(&self.path))
+    }
+
+    /// Completes the file with other contents, which `write` makes of what has grown;
+    /// that is removed then.
+    ///
+    /// # Errors
+    ///
+    /// If they cannot be written; what has grown is then kept, if that is possible.
+    pub(crate) fn finish_as(
+        mut self,
+        write: impl FnOnce(&mut File, &mut BufWriter<&mut File>) -> io::Result<()>,
+    ) -> Result<(), WriteError> {
+        let made = self.flush().and_then(|()| {
+            let mut contents = Draft::begin(&self.path)?;
+            contents.write_by(|out| write(&mut self.file, out))?;
+            contents.finish()
+        });
+        if made.is_err() {
+            let _ = self.keep();
+        } else if self.draft.is_none() {
+            // One that cannot be removed is in nobody's way.
+            let _ = std::fs::remove_file(part_of(&self.path));
+        }
+        made
     }
 }
 

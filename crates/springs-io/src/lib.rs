@@ -25,10 +25,12 @@
 mod atomic;
 mod checkpoint;
 mod energies;
+mod frames;
 mod growing;
 mod locate;
 mod members;
 mod motions;
+mod npz;
 mod read;
 mod report;
 mod scene_file;
@@ -39,12 +41,15 @@ mod syntax;
 mod table;
 mod trajectory;
 mod write;
+mod zip;
 
 pub use atomic::{WriteError, remove_drafts, try_to_write, write_whole};
 pub use checkpoint::{Checkpoint, CheckpointError, read_checkpoint, write_checkpoint};
 pub use energies::ENERGIES;
+pub use frames::{FrameFile, FrameSize, Quantity};
 pub use growing::{ContinueError, FileMark, FoundFile, GrowingFile, part_name};
 pub use members::{REACTIONS, SpringsAndPeaks};
+pub use npz::{Npz, NpzError, open_npz};
 pub use read::{Finding, SceneError, parse_scene, parse_scene_with_inputs, read_scene, read_text};
 pub use report::{
     EnergyReport, EnergySum, FailureReport, IslandReport, Report, SavingReport, SecondsReport,

@@ -6,6 +6,7 @@ use crate::sink::{
     FrameMembers, Mark, ResumeSink, RunEnd, RunPlan, Sink, SinkKind, TensionPeak, TrajectoryFrame,
 };
 use crate::table::{Rows, Table};
+use springs_scene::Spring;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -36,10 +37,9 @@ static SPRINGS: Table = Table {
 fn springs(frame: &TrajectoryFrame<'_>, members: &FrameMembers<'_>, bytes: &mut Vec<u8>) {
     let springs = members.springs.iter().zip(members.tensions);
     for (index, (spring, &tension)) in springs.enumerate() {
-        let [a, b] = spring.nodes.map(|node| frame.positions[node]);
-        let length = (b - a).norm();
+        let length = frame.length_of(spring);
         let (time, state) = (frame.time, state(tension));
-        let strain = strain(length, spring.rest_length)
+        let strain = strain(spring, length)
             .map_or(String::new(), |strain| format!("{strain:?}"));
         writeln!(
             bytes,
@@ -49,9 +49,9 @@ fn springs(frame: &TrajectoryFrame<'_>, members: &FrameMembers<'_>, bytes: &mut 
     }
 }
 
-/// None where there is no rest length.
-fn strain(length: f64, rest_length: f64) -> Option<f64> {
-    (rest_length > 0.0).then(|| (length - rest_length) / rest_length)
+/// The strain of a spring of that length in m; none where there is no rest length.
+pub(crate) fn strain(spring: &Spring, length: f64) -> Option<f64> {
+    (spring.rest_length > 0.0).then(|| (length - spring.rest_length) / spring.rest_length)
 }
 
 fn state(tension: f64) -> &'static str {

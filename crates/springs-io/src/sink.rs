@@ -167,6 +167,18 @@ pub struct TrajectoryFrame<'a> {
     pub members: Option<FrameMembers<'a>>,
 }
 
+impl TrajectoryFrame<'_> {
+    /// The length of a spring, in m.
+    ///
+    /// # Panics
+    ///
+    /// If it has a node that does not exist.
+    pub fn length_of(&self, spring: &Spring) -> f64 {
+        let [a, b] = spring.nodes.map(|node| self.positions[node]);
+        (b - a).norm()
+    }
+}
+
 /// Energies at the time of a frame, in J.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameEnergies {

@@ -1,0 +1,42 @@
+"""Reads the outputs of a run in a folder with numpy and meshio, and compares them with
+its tables: python3 read_formats.py FOLDER."""
+
+import struct
+import sys
+import zipfile
+from pathlib import Path
+
+import numpy
+
+folder = Path(sys.argv[1])
+
+
+def table(name, n_columns):
+    rows = (folder / name).read_text().splitlines()[1:]
+    return numpy.array([[float(x) for x in row.split(",")[:n_columns]] for row in rows])
+
+
+nodes = table("trajectory.csv", 8)
+springs = table("springs.csv", 5)
+n = int(nodes[:, 1].max()) + 1
+k = int(springs[:, 1].max()) + 1
+nodes = nodes.reshape(-1, n, 8)
+springs = springs.reshape(-1, k, 5)
+f = len(nodes)
+
+
+def same(found, expected, what):
+    assert found.shape == expected.shape, (what, found.shape, expected.shape)
+    assert (found == expected).all(), what
+
+
+assert zipfile.ZipFile(folder / "trajectory.npz").testzip() is None
+arrays = numpy.load(folder / "trajectory.npz")
+assert sorted(arrays) == ["length", "position", "springs", "tension", "time", "velocity"]
+same(arrays["time"], nodes[:, 0, 0], "time")
+same(arrays["position"], nodes[:, :, 2:5], "position")
+same(arrays["velocity"], nodes[:, :, 5:8], "velocity")
+same(arrays["length"], springs[:, :, 2], "length")
+same(arrays["tension"], springs[:, :, 4], "tension")
+assert arrays["springs"].shape == (k, 2) and arrays["springs"].dtype == numpy.int64
+print(f"numpy {numpy.__version__}: trajectory.npz, {f} frames")

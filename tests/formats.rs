@@ -1,0 +1,181 @@
+//! Files for other programs, read after their formats and not by our own code, hold the
+//! numbers of the tables.
+
+mod common;
+
+use common::tangle;
+use springs::io::write_scene;
+use springs::scene::{Method, RunOptions, StepControl};
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::process::Command;
+use tempfile::TempDir;
+
+const N_FRAMES: usize = 8;
+const N_NODES: usize = 12;
+
+/// The outputs of a run.
+struct Run {
+    folder: TempDir,
+    /// Rows of `trajectory.csv`: time, node, position, velocity.
+    nodes: Vec<Vec<f64>>,
+    /// Rows of `springs.csv`: time, spring, length, strain, tension.
+    springs: Vec<Vec<f64>>,
+    spring_nodes: Vec<[usize; 2]>,
+}
+
+impl Run {
+    fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let mut scene = tangle(N_NODES, 5);
+        scene.settings.method = Method::LinearlyImplicitEuler;
+        scene.settings.step = StepControl::Fixed(2e-3);
+        scene.settings.duration = 0.2;
+        let file = folder.path().join("scene.ron");
+        write_scene(&file, &scene, &RunOptions::default()).unwrap();
+        let status = Command::new(env!("CARGO_BIN_EXE_springs"))
+            .current_dir(folder.path())
+            .args(["run", "scene.ron", "--out", ".", "--quiet", "--frames"])
+            .args([&(N_FRAMES - 1).to_string(), "--write", "csv,springs,npz"])
+            .status();
+        assert!(status.unwrap().success());
+        Self {
+            nodes: table(&folder.path().join("trajectory.csv"), 8),
+            springs: table(&folder.path().join("springs.csv"), 5),
+            spring_nodes: scene.springs.iter().map(|spring| spring.nodes).collect(),
+            folder,
+        }
+    }
+
+    fn read(&self, name: &str) -> Vec<u8> {
+        std::fs::read(self.folder.path().join(name)).unwrap()
+    }
+
+    /// A column of nodes or springs at all frames, or at one.
+    fn column(rows: &[Vec<f64>], columns: std::ops::Range<usize>) -> Vec<f64> {
+        let parts = rows.iter().flat_map(|row| row[columns.clone()].to_vec());
+        parts.collect()
+    }
+}
+
+/// The first columns of a table.
+fn table(path: &Path, n_columns: usize) -> Vec<Vec<f64>> {
+    let text = std::fs::read_to_string(path).unwrap();
+    let rows = text.lines().skip(1);
+    let row = |line: &str| {
+        let numbers = line.split(',').take(n_columns);
+        numbers.map(|number| number.parse().unwrap()).collect()
+    };
+    rows.map(row).collect()
+}
+
+fn number(bytes: &[u8], start: usize, n_bytes: usize) -> usize {
+    let bytes = bytes[start..start + n_bytes].iter().rev();
+    bytes.fold(0, |number, &byte| number << 8 | usize::from(byte))
+}
+
+fn reals(bytes: &[u8]) -> Vec<f64> {
+    let words = bytes.chunks(8);
+    let words = words.map(|word| f64::from_le_bytes(word.try_into().unwrap()));
+    words.collect()
+}
+
+/// Stored entries of an archive, by its local headers.
+fn unzip(mut bytes: &[u8]) -> BTreeMap<String, &[u8]> {
+    let mut entries = BTreeMap::new();
+    while bytes.starts_with(b"PK\x03\x04") {
+        assert_eq!(number(bytes, 8, 2), 0, "stored");
+        assert_eq!((number(bytes, 10, 2), number(bytes, 12, 2)), (0, 0x21));
+        let (name, extra) = (number(bytes, 26, 2), number(bytes, 28, 2));
+        assert_eq!(number(bytes, 30 + name, 4), 1 | 16 << 16, "ZIP64");
+        let start = 30 + name + extra;
+        let size = number(bytes, 30 + name + 4, 8);
+        let contents = &bytes[start..start + size];
+        assert_eq!(number(bytes, 14, 4), crc(contents) as usize);
+        let name = String::from_utf8(bytes[30..30 + name].to_vec()).unwrap();
+        entries.insert(name, contents);
+        bytes = &bytes[start + size..];
+    }
+    assert!(bytes.starts_with(b"PK\x01\x02"));
+    entries
+}
+
+/// CRC-32, bit by bit.
+fn crc(bytes: &[u8]) -> u32 {
+    let bit = |sum: u32, _| (sum >> 1) ^ (0xedb8_8320 & (sum & 1).wrapping_neg());
+    !bytes.iter().fold(u32::MAX, |sum, &byte| {
+        (0..8).fold(sum ^ u32::from(byte), bit)
+    })
+}
+
+/// What an array's file says of it, and its numbers.
+fn array(bytes: &[u8]) -> (&str, &[u8]) {
+    assert_eq!(&bytes[..8], b"\x93NUMPY\x01\x00");
+    let start = 10 + number(bytes, 8, 2);
+    assert_eq!(start % 64, 0);
+    let header = std::str::from_utf8(&bytes[10..start]).unwrap();
+    assert!(header.ends_with('\n'));
+    (header.trim_end(), &bytes[start..])
+}
+
+#[test]
+fn arrays_hold_what_the_tables_hold() {
+    let run = Run::new();
+    let bytes = run.read("trajectory.npz");
+    let entries = unzip(&bytes);
+    let (f, n, k) = (N_FRAMES, N_NODES, run.spring_nodes.len());
+    let firsts: Vec<_> = run.nodes.iter().step_by(n).cloned().collect();
+    let arrays = [
+        ("time", format!("({f},)"), Run::column(&firsts, 0..1)),
+        (
+            "position",
+            format!("({f}, {n}, 3)"),
+            Run::column(&run.nodes, 2..5),
+        ),
+        (
+            "velocity",
+            format!("({f}, {n}, 3)"),
+            Run::column(&run.nodes, 5..8),
+        ),
+        (
+            "length",
+            format!("({f}, {k})"),
+            Run::column(&run.springs, 2..3),
+        ),
+        (
+            "tension",
+            format!("({f}, {k})"),
+            Run::column(&run.springs, 4..5),
+        ),
+    ];
+    assert_eq!(entries.len(), arrays.len() + 1);
+    for (name, shape, numbers) in arrays {
+        let (header, bytes) = array(entries[&format!("{name}.npy")]);
+        let expected = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}");
+        assert_eq!(header, expected);
+        assert_eq!(reals(bytes), numbers, "{name}");
+    }
+    let (header, bytes) = array(entries["springs.npy"]);
+    let expected = format!("{{'descr': '<i8', 'fortran_order': False, 'shape': ({k}, 2), }}");
+    assert_eq!(header, expected);
+    let nodes = bytes.chunks(8).map(|word| number(word, 0, 8));
+    assert!(nodes.eq(run.spring_nodes.iter().flatten().copied()));
+}
+
+/// `SPRINGS_PYTHON=python3 cargo test --test formats -- --ignored`: a Python with numpy
+/// and meshio.
+#[test]
+#[ignore = "needs a Python with numpy and meshio, named by SPRINGS_PYTHON"]
+fn foreign_readers_find_what_the_tables_hold() {
+    let python = std::env::var("SPRINGS_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let run = Run::new();
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/foreign/read_formats.py");
+    let output = Command::new(python)
+        .arg(script)
+        .arg(run.folder.path())
+        .output();
+    let output = output.unwrap();
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{errors}");
+    print!("{}", String::from_utf8_lossy(&output.stdout));
+}
