@@ -22,6 +22,7 @@ struct Run {
     /// Rows of `springs.csv`: time, spring, length, strain, tension.
     springs: Vec<Vec<f64>>,
     spring_nodes: Vec<[usize; 2]>,
+    start: Vec<[f64; 3]>,
 }
 
 impl Run {
@@ -36,13 +37,22 @@ impl Run {
         let status = Command::new(env!("CARGO_BIN_EXE_springs"))
             .current_dir(folder.path())
             .args(["run", "scene.ron", "--out", ".", "--quiet", "--frames"])
-            .args([&(N_FRAMES - 1).to_string(), "--write", "csv,springs,npz"])
+            .args([
+                &(N_FRAMES - 1).to_string(),
+                "--write",
+                "csv,springs,npz,vtu",
+            ])
             .status();
         assert!(status.unwrap().success());
         Self {
             nodes: table(&folder.path().join("trajectory.csv"), 8),
             springs: table(&folder.path().join("springs.csv"), 5),
             spring_nodes: scene.springs.iter().map(|spring| spring.nodes).collect(),
+            start: scene
+                .nodes
+                .iter()
+                .map(|node| node.position.into())
+                .collect(),
             folder,
         }
     }
@@ -160,6 +170,71 @@ fn arrays_hold_what_the_tables_hold() {
     assert_eq!(header, expected);
     let nodes = bytes.chunks(8).map(|word| number(word, 0, 8));
     assert!(nodes.eq(run.spring_nodes.iter().flatten().copied()));
+}
+
+/// The text before `name`'s value in quotes is cut off, and what is after it.
+fn attribute<'a>(text: &'a str, name: &str) -> &'a str {
+    let (_, after) = text.split_once(&format!("{name}=\"")).unwrap();
+    after.split_once('"').unwrap().0
+}
+
+/// The array of this name in a file with appended raw data, in bytes.
+fn appended<'a>(file: &'a [u8], name: &str) -> (&'a str, &'a [u8]) {
+    let begin = b"<AppendedData encoding=\"raw\">\n_";
+    let place = file.windows(begin.len()).position(|part| part == begin);
+    let start = place.unwrap() + begin.len();
+    let text = std::str::from_utf8(&file[..start]).unwrap();
+    assert_eq!(attribute(text, "byte_order"), "LittleEndian");
+    assert_eq!(attribute(text, "header_type"), "UInt64");
+    let mut elements = text.split("<DataArray ").skip(1);
+    let element = elements.find(|element| attribute(element, "Name") == name);
+    let element = element.unwrap();
+    let start = start + attribute(element, "offset").parse::<usize>().unwrap();
+    let bytes = &file[start + 8..][..number(file, start, 8)];
+    (attribute(element, "type"), bytes)
+}
+
+#[test]
+fn grids_hold_what_the_tables_hold() {
+    let run = Run::new();
+    let (n, k) = (N_NODES, run.spring_nodes.len());
+    let list = String::from_utf8(run.read("frames.pvd")).unwrap();
+    let entries: Vec<&str> = list.split("<DataSet ").skip(1).collect();
+    assert_eq!(entries.len(), N_FRAMES);
+    for (index, entry) in entries.into_iter().enumerate() {
+        let nodes = &run.nodes[n * index..][..n];
+        let springs = &run.springs[k * index..][..k];
+        assert_eq!(attribute(entry, "file"), format!("frames/{index:05}.vtu"));
+        assert_eq!(attribute(entry, "timestep").parse(), Ok(nodes[0][0]));
+        let file = run.read(attribute(entry, "file"));
+        let reals = |name| {
+            let (kind, bytes) = appended(&file, name);
+            assert_eq!(kind, "Float64");
+            reals(bytes)
+        };
+        assert_eq!(reals("Points"), Run::column(nodes, 2..5));
+        assert_eq!(reals("velocity"), Run::column(nodes, 5..8));
+        assert_eq!(reals("strain"), Run::column(springs, 3..4));
+        assert_eq!(reals("tension"), Run::column(springs, 4..5));
+        let starts = run.start.iter().flatten();
+        let moved = Run::column(nodes, 2..5).into_iter().zip(starts);
+        let moved: Vec<f64> = moved.map(|(x, start)| x - start).collect();
+        assert_eq!(reals("displacement"), moved);
+        let integers = |name| -> Vec<usize> {
+            let (kind, bytes) = appended(&file, name);
+            assert_eq!(kind, "Int64");
+            bytes.chunks(8).map(|word| number(word, 0, 8)).collect()
+        };
+        assert_eq!(integers("connectivity"), run.spring_nodes.concat());
+        assert_eq!(integers("offsets"), Vec::from_iter((2..=2 * k).step_by(2)));
+        assert_eq!(appended(&file, "types"), ("UInt8", &vec![3; k][..]));
+        let states = springs
+            .iter()
+            .map(|row| row[4].partial_cmp(&0.0).unwrap() as u8);
+        let states: Vec<u8> = states.collect();
+        assert_eq!(appended(&file, "state"), ("Int8", &states[..]));
+        assert!(file.ends_with(b"\n</AppendedData>\n</VTKFile>\n"));
+    }
 }
 
 /// `SPRINGS_PYTHON=python3 cargo test --test formats -- --ignored`: a Python with numpy

@@ -21,15 +21,20 @@ fn names() -> Vec<String> {
     SINKS.iter().map(|kind| kind.name().to_owned()).collect()
 }
 
-/// All files of a folder.
+/// All files of a folder and of those in it.
 fn contents(folder: &Path) -> BTreeMap<String, Vec<u8>> {
-    let entries = std::fs::read_dir(folder).unwrap();
-    let read = |entry: std::io::Result<std::fs::DirEntry>| {
+    let mut all = BTreeMap::new();
+    for entry in std::fs::read_dir(folder).unwrap() {
         let entry = entry.unwrap();
         let name = entry.file_name().into_string().unwrap();
-        (name, std::fs::read(entry.path()).unwrap())
-    };
-    entries.map(read).collect()
+        if entry.path().is_dir() {
+            let inner = contents(&entry.path()).into_iter();
+            all.extend(inner.map(|(inner, bytes)| (format!("{name}/{inner}"), bytes)));
+        } else {
+            all.insert(name, std::fs::read(entry.path()).unwrap());
+        }
+    }
+    all
 }
 
 /// Writes outputs, and stops at a frame, before its energies are written.
@@ -107,7 +112,11 @@ fn results(scene: &Scene, kills: &[usize]) -> BTreeMap<String, Vec<u8>> {
     let files = finish(&mut writer.sinks, scene, &islands);
     let contents = contents(folder);
     let promised: BTreeSet<&str> = files.into_iter().collect();
-    let found: BTreeSet<&str> = contents.keys().map(String::as_str).collect();
+    let names = contents.keys().map(String::as_str);
+    // A folder has the name up to its slash.
+    let found: BTreeSet<&str> = names
+        .map(|name| name.split_inclusive('/').next().unwrap_or(name))
+        .collect();
     assert_eq!(found, promised);
     contents
 }

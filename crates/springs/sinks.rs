@@ -5,7 +5,8 @@ use crate::report::energy_sum;
 use serde::{Deserialize, Serialize};
 use springs_io::{
     ContinueError, ENERGIES, FrameEnergies, FrameMembers, Mark, Npz, REACTIONS, ResumeSink, RunEnd,
-    RunPlan, Sink, SinkKind, SpringsAndPeaks, TRAJECTORY, TensionPeak, TrajectoryFrame, WriteError,
+    RunPlan, Sink, SinkKind, SpringsAndPeaks, TRAJECTORY, TensionPeak, TrajectoryFrame, Vtu,
+    WriteError,
 };
 use springs_scene::Spring;
 use springs_step::{Account, Frame, Islands};
@@ -18,6 +19,7 @@ pub static SINKS: &[&dyn SinkKind] = &[
     &SpringsAndPeaks,
     &REACTIONS,
     &Npz,
+    &Vtu,
     &Filmstrip,
 ];
 

@@ -40,3 +40,21 @@ same(arrays["length"], springs[:, :, 2], "length")
 same(arrays["tension"], springs[:, :, 4], "tension")
 assert arrays["springs"].shape == (k, 2) and arrays["springs"].dtype == numpy.int64
 print(f"numpy {numpy.__version__}: trajectory.npz, {f} frames")
+
+import meshio
+from xml.etree import ElementTree
+
+entries = ElementTree.parse(folder / "frames.pvd").getroot().findall("Collection/DataSet")
+assert len(entries) == f
+for entry, rows, members in zip(entries, nodes, springs):
+    assert float(entry.get("timestep")) == rows[0, 0]
+    grid = meshio.read(folder / entry.get("file"))
+    same(grid.points, rows[:, 2:5], "points")
+    same(grid.point_data["velocity"], rows[:, 5:8], "velocity")
+    same(grid.point_data["displacement"], rows[:, 2:5] - nodes[0, :, 2:5], "displacement")
+    assert [cells.type for cells in grid.cells] == ["line"]
+    same(grid.cells[0].data, arrays["springs"], "springs")
+    same(grid.cell_data["strain"][0], members[:, 3], "strain")
+    same(grid.cell_data["tension"][0], members[:, 4], "tension")
+    same(grid.cell_data["state"][0], numpy.sign(members[:, 4]), "state")
+print(f"meshio {meshio.__version__}: frames.pvd, {f} frames")

@@ -15,8 +15,8 @@ pub struct WriteError {
     pub source: io::Error,
 }
 
-/// How the names of unfinished files begin.
-const DRAFT: &str = ".springs-";
+/// How the names of unfinished files and folders begin.
+pub(crate) const DRAFT: &str = ".springs-";
 
 /// A file that grows under another name until it is complete.
 #[derive(Debug)]
@@ -122,13 +122,14 @@ pub fn try_to_write(path: &Path) -> Result<(), WriteError> {
     Draft::begin(path).map(|_| ())
 }
 
-/// Removes the unfinished files that programs which were killed have left in a
-/// folder. Nobody may be writing into it. What cannot be removed stays.
+/// Removes the unfinished files and folders that programs which were killed have left
+/// in a folder. Nobody may be writing into it. What cannot be removed stays.
 pub fn remove_drafts(folder: &Path) {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     for entry in entries {
         if entry.file_name().to_string_lossy().starts_with(DRAFT) {
-            let _ = std::fs::remove_file(entry.path());
+            let path = entry.path();
+            let _ = std::fs::remove_file(&path).or_else(|_| std::fs::remove_dir_all(&path));
         }
     }
 }

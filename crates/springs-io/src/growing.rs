@@ -283,12 +283,17 @@ impl FoundFile {
     }
 }
 
-/// The name of a file that is kept unfinished.
-pub fn part_name(file: &str) -> String {
-    format!("{file}.part")
+/// The name of a file, or of a folder that ends in `/`, that is kept unfinished.
+pub fn part_name(name: &str) -> String {
+    match name.strip_suffix('/') {
+        Some(folder) => format!("{folder}.part/"),
+        None => format!("{name}.part"),
+    }
 }
 
-fn part_of(path: &Path) -> PathBuf {
+pub(crate) fn part_of(path: &Path) -> PathBuf {
+    // Without a slash at the end.
+    let path: PathBuf = path.components().collect();
     let mut name = OsString::from(path);
     name.push(part_name(""));
     name.into()
@@ -325,16 +330,16 @@ fn open_beginning(path: &Path, mark: &FileMark) -> Result<File, ContinueError> {
 }
 
 /// Bytes as a text of one character a byte: rows of a table can be read in it.
-mod as_text {
+pub(crate) mod as_text {
     use serde::de::Error as _;
     use serde::{Deserialize as _, Deserializer, Serialize as _, Serializer};
 
-    pub(super) fn serialize<S: Serializer>(bytes: &[u8], to: S) -> Result<S::Ok, S::Error> {
+    pub(crate) fn serialize<S: Serializer>(bytes: &[u8], to: S) -> Result<S::Ok, S::Error> {
         let text: String = bytes.iter().map(|&byte| char::from(byte)).collect();
         text.serialize(to)
     }
 
-    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<u8>, D::Error> {
+    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<u8>, D::Error> {
         let text = String::deserialize(from)?;
         let bytes: Result<_, _> = text.chars().map(u8::try_from).collect();
         bytes.map_err(|_| D::Error::custom("a character is not a byte"))

@@ -40,6 +40,7 @@ mod springs;
 mod syntax;
 mod table;
 mod trajectory;
+mod vtu;
 mod write;
 mod zip;
 
@@ -62,4 +63,5 @@ pub use sink::{
 pub use springs::{Inputs, SpringInput};
 pub use table::{Rows, Table};
 pub use trajectory::TRAJECTORY;
+pub use vtu::{Vtu, remove_series};
 pub use write::{scene_to_string, write_scene};

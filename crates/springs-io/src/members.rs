@@ -54,13 +54,16 @@ pub(crate) fn strain(spring: &Spring, length: f64) -> Option<f64> {
     (spring.rest_length > 0.0).then(|| (length - spring.rest_length) / spring.rest_length)
 }
 
+/// 1: taut, −1: pushed, 0: slack.
+pub(crate) fn sign(tension: f64) -> i8 {
+    i8::from(tension > 0.0) - i8::from(tension < 0.0)
+}
+
 fn state(tension: f64) -> &'static str {
-    if tension > 0.0 {
-        "taut"
-    } else if tension < 0.0 {
-        "pushed"
-    } else {
-        "slack"
+    match sign(tension) {
+        1 => "taut",
+        -1 => "pushed",
+        _ => "slack",
     }
 }
 

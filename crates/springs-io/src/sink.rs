@@ -18,8 +18,9 @@ pub trait SinkKind: Send + Sync {
     /// What it holds, in a few words.
     fn about(&self) -> &'static str;
 
-    /// The files that it leaves in the folder of the run. Until they are complete
-    /// they are there under other names or, [kept](Sink::keep), with `.part` added.
+    /// The files that it leaves in the folder of the run; a name that ends in `/` is
+    /// that of a folder of numbered files. Until they are complete they are there under
+    /// other names or, [kept](Sink::keep), with `.part` added.
     fn files(&self) -> Vec<&'static str>;
 
     /// Starts the output in a folder. Older files stay until it is finished.

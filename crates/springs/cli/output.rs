@@ -2,8 +2,8 @@
 
 use super::{Advised, Unwritten};
 use springs::io::{
-    ContinueError, Report, RunEnd, RunPlan, WriteError, part_name, remove_drafts, try_to_write,
-    write_report, write_scene,
+    ContinueError, Report, RunEnd, RunPlan, WriteError, part_name, remove_drafts, remove_series,
+    try_to_write, write_report, write_scene,
 };
 use springs::scene::{RunOptions, Scene};
 use springs::sinks::{Marks, SINKS, Sinks};
@@ -16,7 +16,7 @@ const REPORT: &str = "report.json";
 /// What a stopped run goes on from.
 pub(crate) const CHECKPOINT: &str = "checkpoint.bin";
 
-/// Names of all that a run may write.
+/// Names of all that a run may write; those of folders end in `/`.
 fn all_files() -> Vec<String> {
     let mut names = vec![SCENE.to_owned(), REPORT.to_owned()];
     for file in SINKS.iter().flat_map(|kind| kind.files()) {
@@ -240,8 +240,11 @@ impl Output {
         for name in all_files() {
             let stays =
                 written.contains(&name.as_str()) || (name == CHECKPOINT && keeps_checkpoint);
-            if !stays {
-                let _ = std::fs::remove_file(self.folder.join(name));
+            let path = self.folder.join(&name);
+            if !stays && name.ends_with('/') {
+                remove_series(&path);
+            } else if !stays {
+                let _ = std::fs::remove_file(path);
             }
         }
     }
