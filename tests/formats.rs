@@ -40,7 +40,7 @@ impl Run {
             .args([
                 &(N_FRAMES - 1).to_string(),
                 "--write",
-                "csv,springs,npz,vtu",
+                "csv,springs,npz,vtu,pc2",
             ])
             .status();
         assert!(status.unwrap().success());
@@ -235,6 +235,35 @@ fn grids_hold_what_the_tables_hold() {
         assert_eq!(appended(&file, "state"), ("Int8", &states[..]));
         assert!(file.ends_with(b"\n</AppendedData>\n</VTKFile>\n"));
     }
+}
+
+#[test]
+fn samples_hold_what_the_table_holds() {
+    let run = Run::new();
+    let bytes = run.read("points.pc2");
+    assert_eq!(&bytes[..12], b"POINTCACHE2\0");
+    let real = |start: usize| f32::from_le_bytes(bytes[start..start + 4].try_into().unwrap());
+    assert_eq!((number(&bytes, 12, 4), number(&bytes, 16, 4)), (1, N_NODES));
+    assert_eq!((real(20), real(24)), (0.0, 1.0));
+    assert_eq!(number(&bytes, 28, 4), N_FRAMES);
+    let found: Vec<f32> = (32..bytes.len()).step_by(4).map(real).collect();
+    let expected = Run::column(&run.nodes, 2..5).into_iter();
+    assert_eq!(found, Vec::from_iter(expected.map(|number| number as f32)));
+
+    let text = String::from_utf8(run.read("mesh.obj")).unwrap();
+    let lines = text.lines().map(|line| line.split_once(' ').unwrap());
+    let (vertices, edges): (Vec<_>, Vec<_>) = lines.partition(|(kind, _)| *kind == "v");
+    let vertices = vertices.into_iter().map(|(_, numbers)| {
+        let numbers = numbers.split(' ').map(|number| number.parse().unwrap());
+        numbers.collect::<Vec<f64>>()
+    });
+    assert!(vertices.eq(run.start.iter().map(|x| x.to_vec())));
+    let edges = edges.into_iter().map(|(kind, numbers)| {
+        assert_eq!(kind, "l");
+        let (first, second) = numbers.split_once(' ').unwrap();
+        [first, second].map(|number| number.parse::<usize>().unwrap() - 1)
+    });
+    assert!(edges.eq(run.spring_nodes.iter().copied()));
 }
 
 /// `SPRINGS_PYTHON=python3 cargo test --test formats -- --ignored`: a Python with numpy

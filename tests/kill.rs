@@ -12,7 +12,18 @@ use std::time::{Duration, Instant};
 
 const SPRINGS: &str = env!("CARGO_BIN_EXE_springs");
 
-const RESULTS: [&str; 4] = ["final.ron", "trajectory.csv", "energy.csv", "filmstrip.svg"];
+const RESULTS: [&str; 8] = [
+    "final.ron",
+    "trajectory.csv",
+    "energy.csv",
+    "trajectory.npz",
+    "frames.pvd",
+    "mesh.obj",
+    "points.pc2",
+    "filmstrip.svg",
+];
+
+const WRITTEN: &str = "--write csv,energy,npz,vtu,pc2,svg";
 
 fn springs(arguments: &str, folder: &Path) -> Command {
     let mut command = Command::new(SPRINGS);
@@ -26,8 +37,12 @@ fn springs(arguments: &str, folder: &Path) -> Command {
 }
 
 fn results(folder: &Path) -> Vec<Vec<u8>> {
-    let read = |name| std::fs::read(folder.join(name)).expect("a result");
-    RESULTS.iter().map(read).collect()
+    let read = |path| std::fs::read(path).expect("a result");
+    let frames = std::fs::read_dir(folder.join("frames")).expect("frames");
+    let mut frames: Vec<_> = frames.map(|entry| entry.unwrap().path()).collect();
+    frames.sort();
+    let files = RESULTS.iter().map(|name| folder.join(name));
+    files.chain(frames).map(read).collect()
 }
 
 /// Kills runs of the scene until `kills` of them died before they were done;
@@ -36,7 +51,7 @@ fn survive(scene: &Scene, options: &str, kills: usize, random: &mut Random) -> u
     let folder = tempfile::tempdir().unwrap();
     let here = folder.path();
     write_scene(&here.join("scene.ron"), scene, &RunOptions::default()).unwrap();
-    let whole = format!("run scene.ron --out whole --write csv,energy,svg {options}");
+    let whole = format!("run scene.ron --out whole {WRITTEN} {options}");
     let begin = Instant::now();
     assert!(springs(&whole, here).status().unwrap().success());
     let longest = begin.elapsed().as_secs_f64();
@@ -44,9 +59,7 @@ fn survive(scene: &Scene, options: &str, kills: usize, random: &mut Random) -> u
 
     let (mut killed, mut finished) = (0, 0);
     while killed < kills || finished == 0 {
-        let run = format!(
-            "run scene.ron --out killed --force --write csv,energy,svg --checkpoint 7 {options}"
-        );
+        let run = format!("run scene.ron --out killed --force {WRITTEN} --checkpoint 7 {options}");
         let mut command = springs(&run, here);
         loop {
             let mut child = command.spawn().unwrap();
@@ -78,7 +91,8 @@ fn survive(scene: &Scene, options: &str, kills: usize, random: &mut Random) -> u
         let names = left.into_iter().map(|entry| entry.unwrap().file_name());
         let strange = names
             .map(|name| name.into_string().unwrap())
-            .filter(|name| !RESULTS.contains(&&**name) && name != "report.json");
+            .filter(|name| !RESULTS.contains(&&**name))
+            .filter(|name| name != "report.json" && name != "frames");
         assert_eq!(strange.collect::<Vec<_>>(), Vec::<String>::new());
         finished += 1;
     }

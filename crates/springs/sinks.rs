@@ -4,9 +4,9 @@ use crate::filmstrip::Filmstrip;
 use crate::report::energy_sum;
 use serde::{Deserialize, Serialize};
 use springs_io::{
-    ContinueError, ENERGIES, FrameEnergies, FrameMembers, Mark, Npz, REACTIONS, ResumeSink, RunEnd,
-    RunPlan, Sink, SinkKind, SpringsAndPeaks, TRAJECTORY, TensionPeak, TrajectoryFrame, Vtu,
-    WriteError,
+    ContinueError, ENERGIES, FrameEnergies, FrameMembers, Mark, Npz, PointCache, REACTIONS,
+    ResumeSink, RunEnd, RunPlan, Sink, SinkKind, SpringsAndPeaks, TRAJECTORY, TensionPeak,
+    TrajectoryFrame, Vtu, WriteError,
 };
 use springs_scene::Spring;
 use springs_step::{Account, Frame, Islands};
@@ -20,6 +20,7 @@ pub static SINKS: &[&dyn SinkKind] = &[
     &REACTIONS,
     &Npz,
     &Vtu,
+    &PointCache,
     &Filmstrip,
 ];
 

@@ -58,3 +58,31 @@ for entry, rows, members in zip(entries, nodes, springs):
     same(grid.cell_data["tension"][0], members[:, 4], "tension")
     same(grid.cell_data["state"][0], numpy.sign(members[:, 4]), "state")
 print(f"meshio {meshio.__version__}: frames.pvd, {f} frames")
+
+# As Blender's Mesh Cache reads it.
+with open(folder / "points.pc2", "rb") as file:
+    header = struct.unpack("<12siiffi", file.read(32))
+    samples = numpy.fromfile(file, "<f4").reshape(-1, n, 3)
+assert header == (b"POINTCACHE2\0", 1, n, 0.0, 1.0, f), header
+same(samples, nodes[:, :, 2:5].astype("<f4"), "samples")
+print(f"points.pc2, {f} samples")
+
+try:
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkCommonCore import vtkVersion
+    from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
+except ImportError:
+    print("no VTK here: frames were not read with its own reader")
+else:
+    for entry, rows, members in zip(entries, nodes, springs):
+        reader = vtkXMLUnstructuredGridReader()
+        reader.SetFileName(str(folder / entry.get("file")))
+        reader.Update()
+        grid = reader.GetOutput()
+        same(vtk_to_numpy(grid.GetPoints().GetData()), rows[:, 2:5], "points")
+        same(vtk_to_numpy(grid.GetPointData().GetArray("velocity")), rows[:, 5:8], "velocity")
+        same(vtk_to_numpy(grid.GetCellData().GetArray("tension")), members[:, 4], "tension")
+        same(vtk_to_numpy(grid.GetCellData().GetArray("state")), numpy.sign(members[:, 4]), "state")
+        assert grid.GetFieldData().GetArray("TimeValue").GetValue(0) == rows[0, 0]
+        assert all(grid.GetCellType(cell) == 3 for cell in range(k))
+    print(f"VTK {vtkVersion.GetVTKVersion()}: {f} frames")

@@ -21,6 +21,9 @@ pub struct GrowingFile {
     draft: Option<TempPath>,
     /// Bytes that are not written yet.
     buffer: Vec<u8>,
+    /// Length of what it begins with that changes as it grows.
+    n_header: u64,
+    /// Of what is after that.
     sum: crc32fast::Hasher,
     n_bytes: u64,
 }
@@ -28,7 +31,7 @@ pub struct GrowingFile {
 /// How far a [`GrowingFile`] is written.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FileMark {
-    /// Its length.
+    /// Its length, without a header that changes.
     #[serde(rename = "bytes")]
     pub(crate) n_bytes: u64,
     /// Its check sum, CRC-32.
@@ -45,6 +48,7 @@ pub struct FoundFile {
     file: File,
     /// It has not got its name yet, and is continued in place.
     is_part: bool,
+    n_header: u64,
     mark: FileMark,
 }
 
@@ -113,9 +117,27 @@ impl GrowingFile {
             file,
             draft: Some(draft),
             buffer: Vec::new(),
+            n_header: 0,
             sum: crc32fast::Hasher::new(),
             n_bytes: 0,
         })
+    }
+
+    /// [`Self::begin`] with a header, which may [change](Self::set_header) but not grow.
+    pub(crate) fn begin_with_header(path: &Path, header: &[u8]) -> Result<Self, WriteError> {
+        let mut growing = Self::begin(path)?;
+        growing.n_header = header.len() as u64;
+        growing.set_header(header)?;
+        Ok(growing)
+    }
+
+    /// Writes another header of the same length.
+    pub(crate) fn set_header(&mut self, header: &[u8]) -> Result<(), WriteError> {
+        let file = &mut self.file;
+        let written = file.rewind().and_then(|()| file.write_all(header));
+        let end = SeekFrom::Start(self.n_header + self.n_bytes);
+        let there = written.and_then(|()| file.seek(end));
+        there.map(|_| ()).map_err(failure(&self.path))
     }
 
     /// Finds a kept or finished file that begins as `mark` says. Nothing is
@@ -125,15 +147,25 @@ impl GrowingFile {
     ///
     /// If it cannot be read, is missing, or begins otherwise.
     pub fn find(path: &Path, mark: FileMark) -> Result<FoundFile, ContinueError> {
-        let unfit = match Self::find_part(path, &mark) {
+        Self::find_with_header(path, 0, mark)
+    }
+
+    /// [`Self::find`] with a header of so many bytes.
+    pub(crate) fn find_with_header(
+        path: &Path,
+        n_header: u64,
+        mark: FileMark,
+    ) -> Result<FoundFile, ContinueError> {
+        let unfit = match Self::find_part(path, n_header, &mark) {
             Ok(found) => return Ok(found),
             Err(error) => error,
         };
-        match open_beginning(path, &mark) {
+        match open_beginning(path, n_header, &mark) {
             Ok(file) => Ok(FoundFile {
                 path: path.to_owned(),
                 file,
                 is_part: false,
+                n_header,
                 mark,
             }),
             Err(error) => Err(unfit.or_if_missing(error)),
@@ -141,11 +173,16 @@ impl GrowingFile {
     }
 
     /// [`Self::find`] of a file that was kept, not finished.
-    pub(crate) fn find_part(path: &Path, mark: &FileMark) -> Result<FoundFile, ContinueError> {
+    pub(crate) fn find_part(
+        path: &Path,
+        n_header: u64,
+        mark: &FileMark,
+    ) -> Result<FoundFile, ContinueError> {
         Ok(FoundFile {
             path: path.to_owned(),
-            file: open_beginning(&part_of(path), mark)?,
+            file: open_beginning(&part_of(path), n_header, mark)?,
             is_part: true,
+            n_header,
             mark: mark.clone(),
         })
     }
@@ -163,8 +200,9 @@ impl GrowingFile {
     fn flush(&mut self) -> Result<(), WriteError> {
         if let Err(source) = self.file.write_all(&self.buffer) {
             // Half a row helps nobody. If it stays, nobody reads that far.
-            let _ = self.file.set_len(self.n_bytes);
-            let _ = self.file.seek(SeekFrom::Start(self.n_bytes));
+            let end = self.n_header + self.n_bytes;
+            let _ = self.file.set_len(end);
+            let _ = self.file.seek(SeekFrom::Start(end));
             let path = self.path.clone();
             return Err(WriteError { path, source });
         }
@@ -256,17 +294,19 @@ impl FoundFile {
             path,
             mut file,
             is_part,
+            n_header,
             mark,
         } = self;
-        let start = SeekFrom::Start(mark.n_bytes);
+        let n_bytes = n_header + mark.n_bytes;
         let (file, draft) = if is_part {
-            let cut = file.set_len(mark.n_bytes).and_then(|()| file.seek(start));
+            let cut = file.set_len(n_bytes);
+            let cut = cut.and_then(|()| file.seek(SeekFrom::Start(n_bytes)));
             cut.map_err(failure(&part_of(&path)))?;
             (file, None)
         } else {
             let mut copy = Draft::begin(&path)?;
             file.rewind().map_err(failure(&path))?;
-            copy.append(&mut file, mark.n_bytes)?;
+            copy.append(&mut file, n_bytes)?;
             let (file, draft) = copy.into_parts();
             (file, Some(draft))
         };
@@ -275,6 +315,7 @@ impl FoundFile {
             file,
             draft,
             buffer: mark.unwritten,
+            n_header,
             sum: crc32fast::Hasher::new_with_initial_len(mark.sum, mark.n_bytes),
             n_bytes: mark.n_bytes,
         };
@@ -299,8 +340,8 @@ pub(crate) fn part_of(path: &Path) -> PathBuf {
     name.into()
 }
 
-/// Opens a file that begins so.
-fn open_beginning(path: &Path, mark: &FileMark) -> Result<File, ContinueError> {
+/// Opens a file that begins so after its header.
+fn open_beginning(path: &Path, n_header: u64, mark: &FileMark) -> Result<File, ContinueError> {
     let opened = OpenOptions::new().read(true).write(true).open(path);
     let mut file = opened.map_err(|error| match error.kind() {
         ErrorKind::NotFound => ContinueError::Missing {
@@ -311,6 +352,8 @@ fn open_beginning(path: &Path, mark: &FileMark) -> Result<File, ContinueError> {
     let changed = || ContinueError::Changed {
         path: path.to_owned(),
     };
+    file.seek(SeekFrom::Start(n_header))
+        .map_err(failure(path))?;
     let (mut sum, mut n_bytes) = (crc32fast::Hasher::new(), 0);
     let mut chunk = vec![0; 1 << 16];
     while n_bytes < mark.n_bytes {

@@ -31,6 +31,7 @@ mod locate;
 mod members;
 mod motions;
 mod npz;
+mod point_cache;
 mod read;
 mod report;
 mod scene_file;
@@ -51,6 +52,7 @@ pub use frames::{FrameFile, FrameSize, Quantity};
 pub use growing::{ContinueError, FileMark, FoundFile, GrowingFile, part_name};
 pub use members::{REACTIONS, SpringsAndPeaks};
 pub use npz::{Npz, NpzError, open_npz};
+pub use point_cache::PointCache;
 pub use read::{Finding, SceneError, parse_scene, parse_scene_with_inputs, read_scene, read_text};
 pub use report::{
     EnergyReport, EnergySum, FailureReport, IslandReport, Report, SavingReport, SecondsReport,

@@ -66,7 +66,7 @@ impl SinkKind for Npz {
             return Err(ContinueError::OtherScene { file: FILE });
         }
         let go_on: Box<dyn FnOnce() -> Result<GrowingFile, WriteError>> =
-            match GrowingFile::find_part(&path, &mark) {
+            match GrowingFile::find_part(&path, 0, &mark) {
                 Ok(part) => Box::new(|| part.go_on()),
                 Err(unfit) => {
                     let found = find_finished(&path, size, &mark);
