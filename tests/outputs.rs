@@ -159,6 +159,27 @@ fn outputs_that_were_finished_on_the_way_go_on() {
     assert_eq!(contents(folder), whole);
 }
 
+/// One that is made of others comes after them.
+#[test]
+fn outputs_follow_what_they_need() {
+    for (index, kind) in SINKS.iter().enumerate() {
+        for need in kind.needs() {
+            let place = SINKS.iter().position(|kind| kind.name() == *need);
+            let needed = SINKS[place.unwrap()];
+            assert!(place.unwrap() < index && needed.needs().is_empty());
+        }
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let scene = &scene();
+    let intervals = INTERVALS;
+    let plan = RunPlan { scene, intervals };
+    let sinks = Sinks::begin(folder.path(), &["view".to_owned()], &plan).unwrap();
+    let marks = serde_json::to_string(&sinks.marks()).unwrap();
+    for name in ["energy", "npz", "view"] {
+        assert!(marks.contains(&format!("[\"{name}\",")), "{marks}");
+    }
+}
+
 #[test]
 fn names_and_files_of_outputs_are_their_own() {
     let names: BTreeSet<&str> = SINKS.iter().map(|kind| kind.name()).collect();

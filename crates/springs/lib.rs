@@ -12,7 +12,7 @@
 //! | [`io`] | `springs-io` | scene files, trajectories, reports |
 //!
 //! and what belongs to no single one of them: [`report`], [`inspect`],
-//! [`materials`], [`proportions`], [`sinks`], [`filmstrip`] and [`study`].
+//! [`materials`], [`proportions`], [`sinks`], [`filmstrip`], [`view`] and [`study`].
 //!
 //! ```
 //! use springs::scene::generate::{Material, cloth};
@@ -32,6 +32,7 @@ pub mod proportions;
 pub mod report;
 pub mod sinks;
 pub mod study;
+pub mod view;
 
 pub use springs_assembly as assembly;
 pub use springs_io as io;

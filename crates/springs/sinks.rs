@@ -2,6 +2,7 @@
 
 use crate::filmstrip::Filmstrip;
 use crate::report::energy_sum;
+use crate::view::View;
 use serde::{Deserialize, Serialize};
 use springs_io::{
     ContinueError, ENERGIES, FrameEnergies, FrameMembers, Mark, Npz, PointCache, REACTIONS,
@@ -12,7 +13,8 @@ use springs_scene::Spring;
 use springs_step::{Account, Frame, Islands};
 use std::path::Path;
 
-/// A row for each output; they are written and named in this order.
+/// A row for each output; they are written and named in this order, each after those
+/// that it [needs](SinkKind::needs).
 pub static SINKS: &[&dyn SinkKind] = &[
     &TRAJECTORY,
     &ENERGIES,
@@ -22,6 +24,7 @@ pub static SINKS: &[&dyn SinkKind] = &[
     &Vtu,
     &PointCache,
     &Filmstrip,
+    &View,
 ];
 
 /// What the tension of each spring came to, where members were wanted; else nothing.
@@ -60,8 +63,14 @@ impl Sinks {
     ///
     /// If one cannot be written.
     pub fn begin(folder: &Path, names: &[String], plan: &RunPlan<'_>) -> Result<Self, WriteError> {
-        let asked = SINKS.iter().copied();
-        let asked = asked.filter(|kind| names.iter().any(|name| name == kind.name()));
+        let all = || SINKS.iter().copied();
+        let is_named = |kind: &&dyn SinkKind| names.iter().any(|name| name == kind.name());
+        let needed: Vec<&str> = all()
+            .filter(is_named)
+            .flat_map(SinkKind::needs)
+            .copied()
+            .collect();
+        let asked = all().filter(|kind| is_named(kind) || needed.contains(&kind.name()));
         let sinks = asked.map(|kind| Ok((kind, kind.begin(folder, plan)?)));
         let sinks = sinks.collect::<Result<_, WriteError>>()?;
         Ok(Self::with(sinks, plan, false))

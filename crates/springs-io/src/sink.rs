@@ -23,6 +23,12 @@ pub trait SinkKind: Send + Sync {
     /// other names or, [kept](Sink::keep), with `.part` added.
     fn files(&self) -> Vec<&'static str>;
 
+    /// The names of outputs that it is made of, which are written, too, and finished
+    /// before it.
+    fn needs(&self) -> &'static [&'static str] {
+        &[]
+    }
+
     /// Starts the output in a folder. Older files stay until it is finished.
     ///
     /// # Errors

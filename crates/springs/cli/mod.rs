@@ -10,6 +10,7 @@ mod signals;
 mod source;
 mod study;
 mod summary;
+mod view;
 mod watcher;
 
 use clap::{Parser, Subcommand};
@@ -32,6 +33,8 @@ enum Command {
     Run(run::RunArguments),
     /// Go on with a run that was stopped, as if it had not been.
     Resume(resume::ResumeArguments),
+    /// Make a page to look at a finished run in a browser.
+    View(view::ViewArguments),
     /// Say what is in a scene, what will be skipped and what looks wrong.
     Check(check::CheckArguments),
     /// Measure run time against error for a scene, method by method.
@@ -86,6 +89,7 @@ pub(crate) fn main() -> ExitCode {
     let ending = match arguments.command {
         Command::Run(arguments) => run::run(&arguments),
         Command::Resume(arguments) => resume::resume(&arguments),
+        Command::View(arguments) => view::view(&arguments),
         Command::Check(arguments) => check::check(&arguments),
         Command::Study(arguments) => study::study_command(&arguments),
         Command::New(arguments) => new::new(&arguments),

@@ -11,7 +11,7 @@ use springs::step::{Account, Frame};
 use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 
-const SCENE: &str = "final.ron";
+pub(crate) const SCENE: &str = "final.ron";
 const REPORT: &str = "report.json";
 /// What a stopped run goes on from.
 pub(crate) const CHECKPOINT: &str = "checkpoint.bin";

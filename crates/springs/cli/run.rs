@@ -4,6 +4,7 @@ use super::checkpoints::{About, Every};
 use super::output::{CHECKPOINT, Output, make_folder};
 use super::signals::Signals;
 use super::source::{SceneArguments, default_intervals};
+use super::view::invitation;
 use super::watcher::{Watcher, progress_bar};
 use super::{Ending, Unwritten, say, say_error, summary};
 use clap::builder::{PossibleValue, PossibleValuesParser};
@@ -16,6 +17,7 @@ use springs::scene::{RunOptions, Scene};
 use springs::sinks::{Marks, SINKS, tension_peaks};
 use springs::solver::Interrupt;
 use springs::step::{Islands, Outcome, Patience, StepError};
+use springs::view::{self, View};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -32,6 +34,9 @@ pub(crate) struct RunArguments {
     /// What to write besides final.ron and report.json
     #[arg(long, value_name = "WHAT", value_delimiter = ',', value_parser = outputs())]
     write: Vec<String>,
+    /// End with view.html, a page to look at the run in a browser; as `--write view`
+    #[arg(long)]
+    view: bool,
     /// Write a checkpoint so often: every 100 (steps), every 0.5s (simulated)
     #[arg(long, value_name = "EVERY")]
     checkpoint: Option<Every>,
@@ -100,7 +105,11 @@ pub(crate) fn run(arguments: &RunArguments) -> anyhow::Result<Ending> {
         at_the_end: None,
     };
     run.hear_signals();
-    let output = Output::begin(&run.folder, &arguments.write, &run.plan(), arguments.force)?;
+    let mut names = arguments.write.clone();
+    if arguments.view {
+        names.push(View.name().to_owned());
+    }
+    let output = Output::begin(&run.folder, &names, &run.plan(), arguments.force)?;
     run.go(output)
 }
 
@@ -135,6 +144,9 @@ impl Run {
         if !self.quiet {
             let folder = watcher.output.folder();
             say(&summary::summary(&self.scene, &report, folder, &written));
+            if written.contains(&view::FILE) {
+                say(&invitation(&folder.join(view::FILE)));
+            }
         }
         Ok(match ending {
             report::Ending::Finished => Ending::Done,

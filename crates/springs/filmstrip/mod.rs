@@ -5,6 +5,7 @@ mod strains;
 mod view;
 
 pub use drawing::filmstrip;
+pub(crate) use view::{axes, up_of};
 
 use nalgebra::Vector3;
 use springs_io::{

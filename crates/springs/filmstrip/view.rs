@@ -79,12 +79,17 @@ fn exaggeration(size: [f64; 2], room: f64) -> f64 {
     fitting.unwrap_or(1.0)
 }
 
+/// Against gravity; along z where there is none.
+pub(crate) fn up_of(gravity: &Vector3<f64>) -> Vector3<f64> {
+    (-gravity).try_normalize(0.0).unwrap_or(Vector3::z())
+}
+
 /// Right, up and toward the viewer.
-fn axes<'a, I>(gravity: &Vector3<f64>, points: impl Fn() -> I) -> [Vector3<f64>; 3]
+pub(crate) fn axes<'a, I>(gravity: &Vector3<f64>, points: impl Fn() -> I) -> [Vector3<f64>; 3]
 where
     I: Iterator<Item = &'a Vector3<f64>>,
 {
-    let up = (-gravity).try_normalize(0.0).unwrap_or(Vector3::z());
+    let up = up_of(gravity);
     let n = points().count().max(1) as f64;
     let mean = points().sum::<Vector3<f64>>() / n;
     let spread: Matrix3<f64> = points()

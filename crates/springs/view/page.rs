@@ -1,0 +1,270 @@
+//! The page itself: its parts and the data in them.
+
+use super::FILE;
+use super::contents::{Arrays, Survey, pack_springs};
+use super::quantized::base64;
+use crate::filmstrip::{axes, up_of};
+use nalgebra::Vector3;
+use serde::Serialize;
+use springs_io::{FrameFile, NpzError, Quantity, WriteError, open_npz, write_whole};
+use springs_scene::{Guide, Node, Scene};
+use std::fmt::Write as _;
+use std::io::{self, ErrorKind};
+use std::path::{Path, PathBuf};
+
+const HTML: &str = include_str!("page/page.html");
+const STYLE: &str = include_str!("page/page.css");
+/// In the order in which they use each other.
+const SCRIPTS: [&str; 5] = [
+    include_str!("page/decode.js"),
+    include_str!("page/camera.js"),
+    include_str!("page/picture.js"),
+    include_str!("page/plot.js"),
+    include_str!("page/main.js"),
+];
+
+/// Bytes a spring that a page is kept below; more than 10,000 springs may have more than
+/// 8 MB.
+const BYTES_A_SPRING: usize = 800;
+const FEW_SPRINGS: usize = 10_000;
+/// Bytes for energies, times, styles and scripts.
+const ROOM_FOR_OTHERS: usize = 300_000;
+
+const ENERGIES: &str = "energy.csv";
+const FRAMES: &str = "trajectory.npz";
+
+/// A page cannot be made.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ViewError {
+    /// The folder has no frames.
+    #[error("{} has no {FRAMES} to show", folder.display())]
+    NoFrames {
+        /// The folder.
+        folder: PathBuf,
+    },
+    /// The frames are those of another scene.
+    #[error("{} is not of this scene: it has other numbers of nodes or springs", path.display())]
+    OtherScene {
+        /// The file of frames.
+        path: PathBuf,
+    },
+    /// The file of frames is no such file.
+    #[error(transparent)]
+    Frames(#[from] NpzError),
+    /// A file cannot be read.
+    #[error("cannot read {}: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// The page cannot be written.
+    #[error(transparent)]
+    Write(#[from] WriteError),
+}
+
+/// Writes the page of a run of a scene from the outputs `npz` and, if it is there,
+/// `energy` in a folder. Returns the page's file.
+///
+/// # Errors
+///
+/// If these are not there or not of this scene, or if the page cannot be written.
+pub fn write_page(folder: &Path, scene: &Scene) -> Result<PathBuf, ViewError> {
+    let path = folder.join(FILE);
+    write_whole(&path, page_of(folder, scene)?.as_bytes())?;
+    Ok(path)
+}
+
+/// What [`write_page`] writes.
+///
+/// # Errors
+///
+/// If it cannot be made.
+pub fn page_of(folder: &Path, scene: &Scene) -> Result<String, ViewError> {
+    let path = folder.join(FRAMES);
+    let mut frames = open_npz(&path).map_err(|error| match error {
+        NpzError::Read { source, .. } if source.kind() == ErrorKind::NotFound => {
+            ViewError::NoFrames {
+                folder: folder.to_owned(),
+            }
+        }
+        other => other.into(),
+    })?;
+    let size = frames.size();
+    if (size.n_nodes, size.n_springs) != (scene.nodes.len(), scene.springs.len()) {
+        return Err(ViewError::OtherScene { path });
+    }
+    let energies = energies_of(&folder.join(ENERGIES))?;
+    let read = |source| ViewError::Read {
+        path: path.clone(),
+        source,
+    };
+    let mut survey = Survey::of(&mut frames, scene).map_err(read)?;
+    let toward = toward_viewer(&mut frames, scene).map_err(read)?;
+    let springs = pack_springs(&scene.springs);
+    let largest = BYTES_A_SPRING * size.n_springs.max(FEW_SPRINGS);
+    // Four letters for three bytes.
+    let room = largest / 4 * 3 - ROOM_FOR_OTHERS - springs.len();
+    let arrays = survey.pack(&mut frames, scene, room).map_err(read)?;
+    let header = Header {
+        name: &scene.name,
+        nodes: size.n_nodes,
+        springs: size.n_springs,
+        stride: survey.stride,
+        times: &survey.times,
+        up: up_of(&scene.gravity).into(),
+        toward,
+        supports: supports(&scene.nodes),
+        energies,
+        arrays: &arrays,
+    };
+    Ok(page(&header, &springs))
+}
+
+/// What the page says in words and few numbers, in SI units.
+#[derive(Serialize)]
+struct Header<'a> {
+    name: &'a str,
+    nodes: usize,
+    springs: usize,
+    /// Only every so many-th frame is shown, and the last one.
+    stride: usize,
+    times: &'a [f64],
+    /// Against gravity.
+    up: [f64; 3],
+    /// Toward the viewer at the start.
+    toward: [f64; 3],
+    /// Nodes that are held: index and how.
+    supports: Vec<(usize, Support)>,
+    energies: Option<Energies>,
+    arrays: &'a Arrays,
+}
+
+#[derive(Serialize)]
+#[serde(rename_all = "lowercase")]
+enum Support {
+    /// In place, or on its way.
+    Fixed,
+    /// In part.
+    Guided,
+}
+
+fn supports(nodes: &[Node]) -> Vec<(usize, Support)> {
+    let nodes = nodes.iter().enumerate();
+    let held = nodes.filter_map(|(index, node)| match node.guide {
+        _ if node.fixed => Some((index, Support::Fixed)),
+        Some(Guide::Held(_) | Guide::Along(_)) => Some((index, Support::Guided)),
+        None => None,
+    });
+    held.collect()
+}
+
+/// The columns of `energy.csv` after the time, in J.
+#[derive(Serialize)]
+struct Energies {
+    times: Vec<f64>,
+    names: Vec<String>,
+    columns: Vec<Vec<f64>>,
+}
+
+fn energies_of(path: &Path) -> Result<Option<Energies>, ViewError> {
+    let read = |source| ViewError::Read {
+        path: path.to_owned(),
+        source,
+    };
+    let text = match std::fs::read_to_string(path) {
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+        text => text.map_err(read)?,
+    };
+    let wrong = || {
+        read(io::Error::new(
+            ErrorKind::InvalidData,
+            "it is no table of energies",
+        ))
+    };
+    let mut lines = text.lines();
+    let header = lines.next().ok_or_else(wrong)?.split(',').skip(1);
+    let names: Vec<String> = header.map(str::to_owned).collect();
+    let mut times = Vec::new();
+    let mut columns = vec![Vec::new(); names.len()];
+    for line in lines {
+        let numbers = line.split(',').map(|number| number.parse().ok());
+        let numbers: Vec<f64> = numbers.collect::<Option<_>>().ok_or_else(wrong)?;
+        if numbers.len() != names.len() + 1 || numbers.iter().any(|one| !one.is_finite()) {
+            return Err(wrong());
+        }
+        times.push(numbers[0]);
+        for (column, number) in columns.iter_mut().zip(&numbers[1..]) {
+            column.push(*number);
+        }
+    }
+    Ok(Some(Energies {
+        times,
+        names,
+        columns,
+    }))
+}
+
+/// From where the first, the middle and the last frame are seen well.
+fn toward_viewer(frames: &mut FrameFile<'_>, scene: &Scene) -> io::Result<[f64; 3]> {
+    let (mut points, mut numbers) = (Vec::new(), Vec::new());
+    let last = frames.n_frames().saturating_sub(1);
+    for frame in [0, last / 2, last] {
+        if frame < frames.n_frames() {
+            frames.read(Quantity::Position, frame, &mut numbers)?;
+            let vectors = numbers.chunks_exact(3);
+            points.extend(vectors.map(|x| Vector3::new(x[0], x[1], x[2])));
+        }
+    }
+    let [_, _, toward] = axes(&scene.gravity, || points.iter());
+    Ok(toward.into())
+}
+
+fn page(header: &Header<'_>, springs: &[u8]) -> String {
+    let mut data = String::new();
+    let json = serde_json::to_string(header).expect("finite numbers and texts");
+    // No text may end the element.
+    let json = json.replace('<', "\\u003c");
+    let _ = writeln!(
+        data,
+        "<script type=\"application/json\" id=\"run\">{json}</script>"
+    );
+    let arrays = header.arrays;
+    let packed = [&arrays.position, &arrays.speed, &arrays.tension];
+    let [position, speed, tension] = packed.map(|array| Some(&array.packed.bytes[..]));
+    let strain = arrays
+        .strain
+        .as_ref()
+        .map(|strain| &strain.packed.bytes[..]);
+    let parts = [
+        ("position", position),
+        ("speed", speed),
+        ("tension", tension),
+        ("strain", strain),
+        ("slack", Some(&arrays.slack[..])),
+        ("springs", Some(springs)),
+    ];
+    for (name, bytes) in parts {
+        if let Some(bytes) = bytes {
+            let text = base64(bytes);
+            let kind = "application/octet-stream";
+            let _ = writeln!(
+                data,
+                "<script type=\"{kind}\" id=\"{name}\">{text}</script>"
+            );
+        }
+    }
+    let name = match header.name {
+        "" => "springs",
+        name => name,
+    };
+    let title = name.replace('&', "&amp;").replace('<', "&lt;");
+    let (head, scripts) = HTML.split_once("{{data}}").expect("a place for the data");
+    // What a scene is called is not looked through for places.
+    let head = head
+        .replace("{{style}}", STYLE)
+        .replace("{{title}}", &title);
+    [head, data, scripts.replace("{{script}}", &SCRIPTS.concat())].concat()
+}

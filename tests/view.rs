@@ -1,0 +1,319 @@
+//! The page of `springs view` holds the numbers of the run, as exactly as it says.
+
+mod common;
+
+use common::desk::Desk;
+use common::tangle;
+use flate2::read::DeflateDecoder;
+use serde_json::Value;
+use springs::io::write_scene;
+use springs::scene::generate::{Material, cloth};
+use springs::scene::{Method, RunOptions, Scene, StepControl, Tangent};
+use std::io::Read as _;
+use std::path::Path;
+use std::process::Command;
+
+/// The text of an element of the page.
+fn text<'a>(page: &'a str, id: &str) -> &'a str {
+    let (_, after) = page.split_once(&format!(" id=\"{id}\">")).unwrap();
+    after.split_once("</script>").unwrap().0
+}
+
+fn inflated(page: &str, id: &str) -> Vec<u8> {
+    let letters = text(page, id).trim_end_matches('=').bytes();
+    let values = letters.map(|letter| match letter {
+        b'A'..=b'Z' => letter - b'A',
+        b'a'..=b'z' => letter - b'a' + 26,
+        b'0'..=b'9' => letter - b'0' + 52,
+        b'+' => 62,
+        _ => 63,
+    });
+    let (mut bits, mut n_bits, mut bytes) = (0_u32, 0, Vec::new());
+    for value in values {
+        (bits, n_bits) = (bits << 6 | u32::from(value), n_bits + 6);
+        if n_bits >= 8 {
+            n_bits -= 8;
+            bytes.push((bits >> n_bits) as u8);
+        }
+    }
+    let mut inflated = Vec::new();
+    let mut decoder = DeflateDecoder::new(&bytes[..]);
+    decoder.read_to_end(&mut inflated).unwrap();
+    inflated
+}
+
+fn reals(value: &Value) -> Vec<f64> {
+    let numbers = value.as_array().unwrap().iter();
+    numbers.map(|number| number.as_f64().unwrap()).collect()
+}
+
+/// All numbers of an array, frame by frame.
+fn array(page: &str, id: &str, packed: &Value) -> Vec<f64> {
+    let bytes = inflated(page, id);
+    let size = |name: &str| packed[name].as_u64().unwrap() as usize;
+    let (width, order) = (size("width"), size("order"));
+    let (low, step) = (reals(&packed["low"]), reals(&packed["step"]));
+    let mut frames: Vec<Vec<u16>> = Vec::new();
+    for coded in bytes.chunks(2 * width) {
+        let numbers = (0..width).map(|i| {
+            let coded = u16::from_le_bytes([coded[i], coded[width + i]]);
+            let difference = (coded >> 1) ^ (coded & 1).wrapping_neg();
+            let back = |n: usize| i64::from(frames[frames.len() - n][i]);
+            let predicted = match order.min(frames.len()) {
+                0 => 0,
+                1 => back(1),
+                2 => 2 * back(1) - back(2),
+                _ => 3 * back(1) - 3 * back(2) + back(3),
+            };
+            difference.wrapping_add(predicted as u16)
+        });
+        let numbers = numbers.collect();
+        frames.push(numbers);
+    }
+    let numbers = frames.iter().flat_map(|frame| frame.iter().enumerate());
+    let numbers = numbers.map(|(i, number)| {
+        let component = i % low.len();
+        low[component] + step[component] * f64::from(*number)
+    });
+    numbers.collect()
+}
+
+/// Columns of a table, row by row.
+fn columns(text: &str, columns: std::ops::Range<usize>) -> Vec<f64> {
+    let rows = text.lines().skip(1);
+    let rows = rows.flat_map(|line| {
+        let cells = line.split(',').skip(columns.start).take(columns.len());
+        cells.map(|cell| cell.parse().unwrap())
+    });
+    rows.collect()
+}
+
+fn assert_near(found: &[f64], expected: &[f64], error: f64, what: &str) {
+    assert_eq!(found.len(), expected.len(), "{what}");
+    for (found, expected) in found.iter().zip(expected) {
+        // Half a step, and rounding of the sum.
+        let bound = error * (1.0 + 1e-9) + 1e-14 * expected.abs();
+        assert!(
+            (found - expected).abs() <= bound,
+            "{what}: {found}, {expected}, {error}"
+        );
+    }
+}
+
+/// Runs a scene and compares its page with the tables; whether strains have an array of
+/// their own.
+fn check(scene: &Scene) -> bool {
+    let desk = Desk::new();
+    write_scene(&desk.path("net.ron"), scene, &RunOptions::default()).unwrap();
+    let said = desk.expect(
+        0,
+        "run net.ron --out d --frames 30 --write csv,springs --view",
+    );
+    assert!(said.contains("open d/view.html in a browser"), "{said}");
+    let page = desk.read("d/view.html");
+    let run: Value = serde_json::from_str(text(&page, "run")).unwrap();
+    let arrays = &run["arrays"];
+    let error = |value: &Value| value.as_f64().unwrap();
+    let (nodes, springs) = (desk.read("d/trajectory.csv"), desk.read("d/springs.csv"));
+    let times: Vec<f64> = columns(&nodes, 0..1)
+        .into_iter()
+        .step_by(scene.nodes.len())
+        .collect();
+    // They are exact in the page, but `serde_json` may read the last bit otherwise.
+    assert_near(&reals(&run["times"]), &times, 0.0, "times");
+    assert_eq!(run["name"], scene.name);
+
+    let positions = columns(&nodes, 2..5);
+    let found = array(&page, "position", &arrays["position"]);
+    assert_near(
+        &found,
+        &positions,
+        error(&arrays["position"]["error"]),
+        "position",
+    );
+    let size = positions.iter().fold(0.0_f64, |size, x| size.max(x.abs()));
+    assert!(error(&arrays["position"]["error"]) <= 2.0 * size / 65535.0);
+
+    let velocities = columns(&nodes, 5..8);
+    let speed = |v: &[f64]| (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
+    let speeds: Vec<f64> = velocities.chunks(3).map(speed).collect();
+    let found = array(&page, "speed", &arrays["speed"]);
+    assert_near(&found, &speeds, error(&arrays["speed"]["error"]), "speed");
+
+    let tensions = columns(&springs, 4..5);
+    let found = array(&page, "tension", &arrays["tension"]);
+    assert_near(
+        &found,
+        &tensions,
+        error(&arrays["tension"]["error"]),
+        "tension",
+    );
+
+    // Both nodes of each spring, then its rest length, then 1 / (K l₀).
+    let fixed = inflated(&page, "springs");
+    let k = scene.springs.len();
+    assert_eq!(fixed.len(), 24 * k);
+    let ends = fixed[..8 * k]
+        .chunks(4)
+        .map(|word| u32::from_le_bytes(word.try_into().unwrap()));
+    let expected = scene.springs.iter().flat_map(|spring| spring.nodes);
+    assert!(ends.map(|node| node as usize).eq(expected));
+    let words = fixed[8 * k..].chunks(8);
+    let words: Vec<f64> = words
+        .map(|word| f64::from_le_bytes(word.try_into().unwrap()))
+        .collect();
+    let rest_lengths = scene.springs.iter().map(|spring| spring.rest_length);
+    assert_eq!(words[..k], Vec::from_iter(rest_lengths));
+
+    let has_strain = !arrays["strain"].is_null();
+    let strains = match has_strain {
+        true => array(&page, "strain", &arrays["strain"]),
+        false => found
+            .iter()
+            .zip(words[k..].iter().cycle())
+            .map(|(t, c)| t * c)
+            .collect(),
+    };
+    assert_near(
+        &strains,
+        &columns(&springs, 3..4),
+        error(&arrays["strain_error"]),
+        "strain",
+    );
+
+    let mut slack = inflated(&page, "slack");
+    let width = k.div_ceil(8);
+    for i in width..slack.len() {
+        slack[i] ^= slack[i - width];
+    }
+    for (index, tension) in tensions.iter().enumerate() {
+        let (frame, spring) = (index / k, index % k);
+        let bit = slack[frame * width + spring / 8] >> (spring % 8) & 1;
+        assert_eq!(bit == 1, *tension == 0.0, "{frame}, {spring}");
+    }
+
+    let energy = desk.read("d/energy.csv");
+    let names: Vec<&str> = energy.lines().next().unwrap().split(',').skip(1).collect();
+    assert_eq!(run["energies"]["names"], serde_json::json!(names));
+    for (column, values) in run["energies"]["columns"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .enumerate()
+    {
+        let expected = columns(&energy, column + 1..column + 2);
+        assert_near(&reals(values), &expected, 0.0, "energies");
+    }
+
+    // The same page again.
+    std::fs::remove_file(desk.path("d/view.html")).unwrap();
+    desk.expect(0, "view d");
+    assert_eq!(desk.read("d/view.html"), page);
+    has_strain
+}
+
+fn scene() -> Scene {
+    let mut scene = tangle(20, 3);
+    scene.name = "a </script> {{script}} & more".to_owned();
+    scene.settings.duration = 0.5;
+    scene.settings.step = StepControl::Fixed(1e-3);
+    scene.settings.method = Method::LinearlyImplicitEuler;
+    scene
+}
+
+#[test]
+fn the_page_holds_the_run_as_exactly_as_it_says() {
+    let mut cloth = cloth(5, Material::of_cloth());
+    cloth.settings.duration = 0.5;
+    cloth.settings.method = Method::VelocityVerlet;
+    cloth.settings.step = StepControl::Fixed(1e-3);
+    assert!(!check(&cloth), "tensions say what strains are");
+    let mut scene = scene();
+    scene.springs[3].stiffness = 0.0;
+    assert!(check(&scene), "a spring without tension has strains");
+    // Tensions that the steps carry along are not those of the positions.
+    scene.settings.tangent = Some(Tangent::Filtered);
+    scene.settings.step = StepControl::Fixed(0.05);
+    assert!(check(&scene));
+}
+
+#[test]
+fn without_frames_it_says_what_to_run() {
+    let desk = Desk::new();
+    write_scene(&desk.path("net.ron"), &scene(), &RunOptions::default()).unwrap();
+    let said = desk.expect(2, "view .");
+    assert!(said.contains("holds no run: it has no final.ron"), "{said}");
+    assert!(
+        said.contains("springs run SCENE.ron --out DIR --view"),
+        "{said}"
+    );
+    desk.expect(0, "run net.ron --out d");
+    let said = desk.expect(2, "view d");
+    assert!(said.contains("d has no trajectory.npz to show"), "{said}");
+    assert!(
+        said.contains("springs run SCENE.ron --out DIR --view"),
+        "{said}"
+    );
+    std::fs::write(desk.path("d/trajectory.npz"), "no archive").unwrap();
+    let said = desk.expect(2, "view d");
+    assert!(
+        said.contains("is not as the output `npz` of a run leaves it"),
+        "{said}"
+    );
+    assert!(!desk.path("d/view.html").exists());
+}
+
+/// `SPRINGS_CHROMIUM=chromium cargo test --test view -- --ignored`, with node.
+#[test]
+#[ignore = "needs node, and a Chromium named by SPRINGS_CHROMIUM"]
+fn a_browser_shows_what_is_picked() {
+    let chromium = std::env::var("SPRINGS_CHROMIUM").unwrap_or_else(|_| "chromium".to_owned());
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/foreign/look.mjs");
+    let desk = Desk::new();
+    write_scene(&desk.path("net.ron"), &scene(), &RunOptions::default()).unwrap();
+    desk.expect(0, "run net.ron --out d --frames 30 --write csv --view");
+    for (width, height) in [("390", "844"), ("1280", "800")] {
+        let output = Command::new("node")
+            .arg(&script)
+            .arg(&chromium)
+            .arg(desk.path("d/view.html"))
+            .args([width, height])
+            .output()
+            .unwrap();
+        let errors = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{errors}");
+        let seen: Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert_eq!(seen["problems"], serde_json::json!([]));
+        assert_eq!(seen["unnamed"], serde_json::json!([]));
+        assert_eq!(seen["isWider"], false);
+        assert_eq!(
+            (&seen["isPlaying"], &seen["isStopped"]),
+            (&Value::from(true), &Value::from(true))
+        );
+        assert!(seen["turned"].as_f64().unwrap() != 0.0);
+        assert_eq!(seen["pickedNode"]["kind"], "node");
+        assert_eq!(seen["pickedNode"]["index"], seen["node"]);
+        assert!(seen["plots"].as_u64().unwrap() >= 3);
+        // What is said of the picked node is in the table.
+        let table = desk.read("d/trajectory.csv");
+        let time = seen["numbers"]["time"].as_f64().unwrap();
+        let start = format!("{time:?},{},", seen["node"]);
+        let row = table.lines().find(|line| line.starts_with(&start)).unwrap();
+        let expected: Vec<f64> = row
+            .split(',')
+            .skip(2)
+            .map(|cell| cell.parse().unwrap())
+            .collect();
+        let found = reals(&seen["numbers"]["position"]);
+        assert_near(&found, &expected[..3], 1e-4, "position");
+        for (shown, expected) in seen["values"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .zip(&expected[..3])
+        {
+            let shown = shown.as_str().unwrap().replace('−', "-").replace(" m", "");
+            assert_near(&[shown.parse().unwrap()], &[*expected], 2e-4, "as text");
+        }
+    }
+}
