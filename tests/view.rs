@@ -209,6 +209,10 @@ fn check(scene: &Scene) -> bool {
     std::fs::remove_file(desk.path("d/view.html")).unwrap();
     desk.expect(0, "view d");
     assert_eq!(desk.read("d/view.html"), page);
+    // And from the tables, whose numbers are the same.
+    std::fs::remove_file(desk.path("d/trajectory.npz")).unwrap();
+    desk.expect(0, "view d --quiet");
+    assert!(desk.read("d/view.html") == page);
     has_strain
 }
 
@@ -249,7 +253,10 @@ fn without_frames_it_says_what_to_run() {
     );
     desk.expect(0, "run net.ron --out d");
     let said = desk.expect(2, "view d");
-    assert!(said.contains("d has no trajectory.npz to show"), "{said}");
+    assert!(
+        said.contains("d has neither trajectory.npz nor trajectory.csv with springs.csv to show"),
+        "{said}"
+    );
     assert!(
         said.contains("springs run SCENE.ron --out DIR --view"),
         "{said}"

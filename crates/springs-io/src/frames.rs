@@ -109,13 +109,22 @@ enum Source<'a> {
 impl<'a> FrameFile<'a> {
     /// Frames one after the other.
     pub(crate) fn of_frames(file: &'a mut File, size: FrameSize, n_frames: usize) -> Self {
+        Self::one_after_the_other(Source::Lent(file), size, n_frames)
+    }
+
+    /// [`Self::of_frames`] of a file that nobody else needs.
+    pub(crate) fn of_own_frames(file: File, size: FrameSize, n_frames: usize) -> Self {
+        Self::one_after_the_other(Source::Own(file), size, n_frames)
+    }
+
+    fn one_after_the_other(file: Source<'a>, size: FrameSize, n_frames: usize) -> Self {
         let mut start = 0;
         let places = Quantity::ALL.map(|quantity| {
             let place = (start, size.n_bytes());
             start += 8 * size.n_numbers(quantity) as u64;
             place
         });
-        Self::new(Source::Lent(file), size, n_frames, places)
+        Self::new(file, size, n_frames, places)
     }
 
     /// Quantities one after the other, which begin there.

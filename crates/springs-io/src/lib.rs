@@ -40,6 +40,7 @@ mod spring_file;
 mod springs;
 mod syntax;
 mod table;
+mod tables;
 mod trajectory;
 mod vtu;
 mod write;
@@ -64,6 +65,7 @@ pub use sink::{
 };
 pub use springs::{Inputs, SpringInput};
 pub use table::{Rows, Table};
+pub use tables::{TableError, read_tables};
 pub use trajectory::TRAJECTORY;
 pub use vtu::{Vtu, remove_series};
 pub use write::{scene_to_string, write_scene};

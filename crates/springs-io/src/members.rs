@@ -26,7 +26,7 @@ fn reactions(frame: &TrajectoryFrame<'_>, members: &FrameMembers<'_>, bytes: &mu
     }
 }
 
-static SPRINGS: Table = Table {
+pub(crate) static SPRINGS: Table = Table {
     name: "springs",
     about: "springs.csv: length, strain and tension of every spring at each frame; peaks.csv",
     file: "springs.csv",

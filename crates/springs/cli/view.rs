@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 #[derive(clap::Args)]
 pub(crate) struct ViewArguments {
-    /// The folder of a run that wrote npz
+    /// The folder of a run that wrote npz, or csv and springs
     #[arg(value_name = "DIR")]
     folder: PathBuf,
     /// Say nothing about the page

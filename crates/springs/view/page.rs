@@ -6,7 +6,10 @@ use super::quantized::base64;
 use crate::filmstrip::{axes, up_of};
 use nalgebra::Vector3;
 use serde::Serialize;
-use springs_io::{FrameFile, NpzError, Quantity, WriteError, open_npz, write_whole};
+use springs_io::{
+    FrameFile, FrameSize, NpzError, Quantity, TableError, WriteError, open_npz, read_tables,
+    write_whole,
+};
 use springs_scene::{Guide, Node, Scene};
 use std::fmt::Write as _;
 use std::io::{self, ErrorKind};
@@ -32,13 +35,14 @@ const ROOM_FOR_OTHERS: usize = 300_000;
 
 const ENERGIES: &str = "energy.csv";
 const FRAMES: &str = "trajectory.npz";
+const TABLES: [&str; 2] = ["trajectory.csv", "springs.csv"];
 
 /// A page cannot be made.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ViewError {
     /// The folder has no frames.
-    #[error("{} has no {FRAMES} to show", folder.display())]
+    #[error("{} has neither {FRAMES} nor {} with {} to show", folder.display(), TABLES[0], TABLES[1])]
     NoFrames {
         /// The folder.
         folder: PathBuf,
@@ -52,6 +56,9 @@ pub enum ViewError {
     /// The file of frames is no such file.
     #[error(transparent)]
     Frames(#[from] NpzError),
+    /// The tables are no tables of this scene.
+    #[error(transparent)]
+    Tables(#[from] TableError),
     /// A file cannot be read.
     #[error("cannot read {}: {source}", path.display())]
     Read {
@@ -65,8 +72,8 @@ pub enum ViewError {
     Write(#[from] WriteError),
 }
 
-/// Writes the page of a run of a scene from the outputs `npz` and, if it is there,
-/// `energy` in a folder. Returns the page's file.
+/// Writes the page of a run of a scene from the output `npz` in a folder, or from `csv`
+/// and `springs`, and from `energy` if that is there. Returns the page's file.
 ///
 /// # Errors
 ///
@@ -83,17 +90,20 @@ pub fn write_page(folder: &Path, scene: &Scene) -> Result<PathBuf, ViewError> {
 ///
 /// If it cannot be made.
 pub fn page_of(folder: &Path, scene: &Scene) -> Result<String, ViewError> {
+    let size = FrameSize {
+        n_nodes: scene.nodes.len(),
+        n_springs: scene.springs.len(),
+    };
     let path = folder.join(FRAMES);
-    let mut frames = open_npz(&path).map_err(|error| match error {
-        NpzError::Read { source, .. } if source.kind() == ErrorKind::NotFound => {
-            ViewError::NoFrames {
-                folder: folder.to_owned(),
-            }
-        }
-        other => other.into(),
-    })?;
-    let size = frames.size();
-    if (size.n_nodes, size.n_springs) != (scene.nodes.len(), scene.springs.len()) {
+    let mut frames = if path.exists() {
+        open_npz(&path)?
+    } else if TABLES.iter().all(|table| folder.join(table).exists()) {
+        read_tables(folder, size)?
+    } else {
+        let folder = folder.to_owned();
+        return Err(ViewError::NoFrames { folder });
+    };
+    if frames.size() != size {
         return Err(ViewError::OtherScene { path });
     }
     let energies = energies_of(&folder.join(ENERGIES))?;

@@ -38,7 +38,7 @@ void main() {
   float side = (gl_VertexID & 1) == 1 ? 1.0 : -1.0;
   bool chosen = gl_InstanceID == picked;
   gl_Position = second ? b : a;
-  gl_Position.xy += across * side * width * (chosen ? 3.0 : 1.0) / pixels * gl_Position.w;
+  gl_Position.xy += across * side * width * (chosen ? 2.2 : 1.0) / pixels * gl_Position.w;
   if (chosen) gl_Position.z -= 1e-3 * gl_Position.w;
   shade = second ? value.y : value.x;
   along = second ? size : 0.0;

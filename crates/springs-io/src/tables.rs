@@ -1,0 +1,220 @@
+//! Frames from the tables of a run.
+
+use crate::frames::{FrameFile, FrameSize};
+use crate::members::SPRINGS;
+use crate::table::Table;
+use crate::trajectory::TRAJECTORY;
+use std::fs::File;
+use std::io::{self, BufRead as _, BufReader, BufWriter, Lines, Write as _};
+use std::path::{Path, PathBuf};
+
+/// A table cannot be read.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum TableError {
+    /// The file cannot be read, or its numbers find no room beside it.
+    #[error("cannot read {}: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// A line is not as a run of this scene writes it.
+    #[error("{}:{line}: this is no row of {index} at this place of a table of this scene", path.display())]
+    Line {
+        /// The file.
+        path: PathBuf,
+        /// Counted from 1.
+        line: usize,
+        /// Such as `node 3`.
+        index: String,
+    },
+}
+
+/// Rows of a table.
+struct Rows {
+    path: PathBuf,
+    lines: Lines<BufReader<File>>,
+    /// Those that were read.
+    n_lines: usize,
+    /// What a row is of.
+    of: &'static str,
+}
+
+impl Rows {
+    fn open(folder: &Path, table: &Table, of: &'static str) -> Result<Self, TableError> {
+        let path = folder.join(table.file);
+        let opened = File::open(&path).map_err(|source| TableError::Read {
+            path: path.clone(),
+            source,
+        })?;
+        let mut rows = Self {
+            path,
+            lines: BufReader::new(opened).lines(),
+            n_lines: 0,
+            of,
+        };
+        let header = rows.line()?;
+        if header.as_deref() == Some(table.header) {
+            Ok(rows)
+        } else {
+            Err(rows.wrong(0))
+        }
+    }
+
+    fn line(&mut self) -> Result<Option<String>, TableError> {
+        self.n_lines += 1;
+        let line = self.lines.next().transpose();
+        line.map_err(|source| self.failure(source))
+    }
+
+    fn failure(&self, source: io::Error) -> TableError {
+        TableError::Read {
+            path: self.path.clone(),
+            source,
+        }
+    }
+
+    fn wrong(&self, index: usize) -> TableError {
+        TableError::Line {
+            path: self.path.clone(),
+            line: self.n_lines,
+            index: format!("{} {index}", self.of),
+        }
+    }
+
+    /// Appends so many numbers of the rows 0 to n of a frame; a number of a row is that
+    /// of its column. Returns the time, or nothing if there is no frame any more.
+    fn frame<const N: usize>(
+        &mut self,
+        n: usize,
+        columns: [usize; N],
+        numbers: &mut [Vec<f64>; N],
+    ) -> Result<Option<f64>, TableError> {
+        numbers.iter_mut().for_each(Vec::clear);
+        let mut time = None;
+        for index in 0..n {
+            let Some(line) = self.line()? else {
+                return if index == 0 {
+                    Ok(None)
+                } else {
+                    Err(self.wrong(index))
+                };
+            };
+            let cells: Vec<&str> = line.split(',').collect();
+            let number = |column: usize| cells.get(column)?.parse::<f64>().ok();
+            let is_next = cells.get(1) == Some(&&*index.to_string());
+            let now = number(0).filter(|now| is_next && time.is_none_or(|time| time == *now));
+            time = Some(now.ok_or_else(|| self.wrong(index))?);
+            for (numbers, column) in numbers.iter_mut().zip(columns) {
+                numbers.push(number(column).ok_or_else(|| self.wrong(index))?);
+            }
+        }
+        Ok(time)
+    }
+}
+
+/// Reads all frames of `trajectory.csv` and `springs.csv` in a folder; a file of plain
+/// numbers, which is gone with the result, holds them.
+///
+/// # Errors
+///
+/// If a table is not there or not of a scene of this size.
+pub fn read_tables(folder: &Path, size: FrameSize) -> Result<FrameFile<'static>, TableError> {
+    let mut nodes = Rows::open(folder, &TRAJECTORY, "node")?;
+    let mut springs = Rows::open(folder, &SPRINGS, "spring")?;
+    let mut states: [Vec<f64>; 6] = Default::default();
+    let mut members: [Vec<f64>; 2] = Default::default();
+    let file = tempfile::tempfile().map_err(|source| nodes.failure(source))?;
+    let mut out = BufWriter::new(file);
+    let mut n_frames = 0;
+    while let Some(time) = nodes.frame(size.n_nodes, [2, 3, 4, 5, 6, 7], &mut states)? {
+        let same = springs.frame(size.n_springs, [2, 4], &mut members)?;
+        if size.n_springs > 0 && same != Some(time) {
+            return Err(springs.wrong(0));
+        }
+        let [x, y, z, vx, vy, vz] = &states;
+        let vectors = [[x, y, z], [vx, vy, vz]].into_iter().flat_map(|[x, y, z]| {
+            let numbers = x.iter().zip(y).zip(z);
+            numbers.flat_map(|((x, y), z)| [*x, *y, *z])
+        });
+        let numbers = std::iter::once(time).chain(vectors);
+        let numbers = numbers.chain(members.iter().flatten().copied());
+        for number in numbers {
+            let written = out.write_all(&number.to_le_bytes());
+            written.map_err(|source| nodes.failure(source))?;
+        }
+        n_frames += 1;
+    }
+    let file = out.into_inner();
+    let file = file.map_err(|error| nodes.failure(error.into_error()))?;
+    Ok(FrameFile::of_own_frames(file, size, n_frames))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Quantity;
+
+    const SIZE: FrameSize = FrameSize {
+        n_nodes: 2,
+        n_springs: 1,
+    };
+
+    fn read(nodes: &str, springs: &str) -> Result<FrameFile<'static>, String> {
+        let folder = tempfile::tempdir().unwrap();
+        for (table, rows) in [(&TRAJECTORY, nodes), (&SPRINGS, springs)] {
+            let text = format!("{}\n{rows}", table.header);
+            std::fs::write(folder.path().join(table.file), text).unwrap();
+        }
+        let read = read_tables(folder.path(), SIZE);
+        read.map_err(|error| {
+            let text = error.to_string();
+            let (_, place) = text.rsplit_once(std::path::MAIN_SEPARATOR).unwrap();
+            place.to_owned()
+        })
+    }
+
+    const NODES: &str = "0.0,0,1.0,2.0,3.0,4.0,5.0,6.0\n0.0,1,7.0,8.0,9.0,10.0,11.0,12.0\n";
+    const MEMBERS: &str = "0.0,0,1.5,0.5,-2.0,pushed\n";
+
+    #[test]
+    fn frames_are_those_of_the_tables() {
+        let later = |rows: &str| rows.to_owned() + &rows.replace("0.0,", "0.5,");
+        let mut frames = read(&later(NODES), &later(MEMBERS)).unwrap();
+        assert_eq!((frames.n_frames(), frames.size()), (2, SIZE));
+        let mut numbers = Vec::new();
+        let mut all = |quantity| {
+            frames.read(quantity, 1, &mut numbers).unwrap();
+            numbers.clone()
+        };
+        assert_eq!(all(Quantity::Time), [0.5]);
+        assert_eq!(all(Quantity::Position), [1.0, 2.0, 3.0, 7.0, 8.0, 9.0]);
+        assert_eq!(all(Quantity::Tension), [-2.0]);
+    }
+
+    #[test]
+    fn errors_name_the_line() {
+        let wrong = |nodes: &str, springs: &str| read(nodes, springs).unwrap_err();
+        let half = NODES.lines().next().unwrap();
+        let place = "this is no row of";
+        let rest = "at this place of a table of this scene";
+        assert_eq!(
+            wrong(half, MEMBERS),
+            format!("trajectory.csv:3: {place} node 1 {rest}")
+        );
+        assert_eq!(
+            wrong(NODES, ""),
+            format!("springs.csv:2: {place} spring 0 {rest}")
+        );
+        assert_eq!(
+            wrong(&NODES.replace("8.0", "eight"), MEMBERS),
+            format!("trajectory.csv:3: {place} node 1 {rest}")
+        );
+        assert_eq!(
+            wrong(NODES, &MEMBERS.replace("0.0,0", "0.1,0")),
+            format!("springs.csv:2: {place} spring 0 {rest}")
+        );
+    }
+}
