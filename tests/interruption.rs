@@ -67,7 +67,7 @@ fn an_interrupted_run_can_be_resumed() {
         let desk = Desk::new();
         // Seconds of work, which nobody can have done in the time between two looks.
         desk.scene("cloth.ron", "cloth 12 --duration 0.2 --step 5e-5");
-        let options = "--write csv,energy,svg --frames 200 --quiet";
+        let options = "--write csv,energy,svg,view --frames 200 --quiet";
         desk.expect(0, &format!("run cloth.ron --out whole {options}"));
         let mut child = desk.start(&format!("run cloth.ron --out o {options} {more}"));
         wait_for_frames(&desk);
@@ -76,7 +76,14 @@ fn an_interrupted_run_can_be_resumed() {
         let refused = desk.expect(2, "run cloth.ron --out o --quiet");
         assert!(refused.contains("another run"), "{refused}");
         desk.expect(0, "resume o --quiet");
-        for name in ["final.ron", "trajectory.csv", "energy.csv", "filmstrip.svg"] {
+        let names = [
+            "final.ron",
+            "trajectory.csv",
+            "energy.csv",
+            "filmstrip.svg",
+            "view.html",
+        ];
+        for name in names {
             let (whole, resumed) = (format!("whole/{name}"), format!("o/{name}"));
             assert!(desk.read(&whole) == desk.read(&resumed), "{name} {more}");
         }

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 
 const SPRINGS: &str = env!("CARGO_BIN_EXE_springs");
 
-const RESULTS: [&str; 8] = [
+const RESULTS: [&str; 9] = [
     "final.ron",
     "trajectory.csv",
     "energy.csv",
@@ -21,9 +21,10 @@ const RESULTS: [&str; 8] = [
     "mesh.obj",
     "points.pc2",
     "filmstrip.svg",
+    "view.html",
 ];
 
-const WRITTEN: &str = "--write csv,energy,npz,vtu,pc2,svg";
+const WRITTEN: &str = "--write csv,energy,npz,vtu,pc2,svg,view";
 
 fn springs(arguments: &str, folder: &Path) -> Command {
     let mut command = Command::new(SPRINGS);

@@ -469,6 +469,30 @@ mod tests {
     }
 
     #[test]
+    fn frames_that_cannot_be_written_are_not_lost() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("frames/");
+        let mut series = GrowingSeries::begin(&path).unwrap();
+        series.append(file(0.0)).unwrap();
+        series.keep().unwrap();
+        let obstacle = part_of(&path).join("00001.vtu");
+        std::fs::create_dir(&obstacle).unwrap();
+        for n in 1..3 {
+            assert!(series.append(file(f64::from(n))).is_err());
+        }
+        assert_eq!(series.n_unwritten(), file(1.0).len() + file(2.0).len());
+        assert_eq!(list(&part_of(&path).join(LIST)).len(), 1);
+        let mark = serde_json::to_string(&series.mark()).unwrap();
+        drop(series);
+        std::fs::remove_dir(&obstacle).unwrap();
+        let mark = serde_json::from_str(&mark).unwrap();
+        let found = GrowingSeries::find(&path, mark).unwrap();
+        found.go_on().unwrap().finish().unwrap();
+        assert_eq!(list(&folder.path().join(LIST)).len(), 3);
+        assert_eq!(std::fs::read(path.join("00002.vtu")).unwrap(), file(2.0));
+    }
+
+    #[test]
     fn another_folder_is_not_continued() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("frames/");
