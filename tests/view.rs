@@ -298,6 +298,8 @@ fn a_browser_shows_what_is_picked() {
             (&Value::from(true), &Value::from(true))
         );
         assert!(seen["turned"].as_f64().unwrap() != 0.0);
+        let distances = reals(&seen["distances"]);
+        assert!(distances[1] < distances[0] && distances[2] < 0.5 * distances[1]);
         assert_eq!(seen["pickedNode"]["kind"], "node");
         assert_eq!(seen["pickedNode"]["index"], seen["node"]);
         assert!(seen["plots"].as_u64().unwrap() >= 3);

@@ -118,6 +118,19 @@ try {
   await mouse("mouseMoved", Number(width) / 3 + 30, Number(height) / 4, { buttons: 1 });
   await mouse("mouseReleased", Number(width) / 3 + 30, Number(height) / 4);
   const turned = (await value("view.camera.turn")) - turn;
+  // The wheel and two fingers zoom in.
+  const [x, y] = [Number(width) / 3, Number(height) / 4];
+  const distances = [await value("view.camera.distance")];
+  await send("Input.dispatchMouseEvent", { type: "mouseWheel", x, y, deltaX: 0, deltaY: -100 });
+  await frames(2);
+  distances.push(await value("view.camera.distance"));
+  await send("Emulation.setTouchEmulationEnabled", { enabled: true, maxTouchPoints: 2 });
+  for (const [type, spread] of [["touchStart", 20], ["touchMove", 30], ["touchMove", 60], ["touchEnd", 0]]) {
+    const fingers = [{ x: x - spread, y, id: 0 }, { x: x + spread, y, id: 1 }];
+    await send("Input.dispatchTouchEvent", { type, touchPoints: type === "touchEnd" ? [] : fingers });
+  }
+  await frames(2);
+  distances.push(await value("view.camera.distance"));
   await value("view.home()");
   await frames(3);
   if (picture) {
@@ -127,7 +140,7 @@ try {
   const plots = await value("document.querySelectorAll('.plot svg').length");
   const isWider = await value("document.documentElement.scrollWidth > document.documentElement.clientWidth");
   const unnamed = await value("[...document.querySelectorAll('button, input, select, canvas, svg')].filter((one) => !(one.getAttribute('aria-label') || one.labels?.length || one.textContent.trim())).map((one) => one.outerHTML)");
-  console.log(JSON.stringify({ load, rate, isPlaying, isStopped, node, pickedNode, values, numbers, spring, pickedSpring, turned, plots, isWider, unnamed, problems }));
+  console.log(JSON.stringify({ load, rate, isPlaying, isStopped, node, pickedNode, values, numbers, spring, pickedSpring, turned, distances, plots, isWider, unnamed, problems }));
 } catch (error) {
   console.error(error.message, problems);
   process.exitCode = 1;

@@ -1,7 +1,8 @@
 //! Reads and writes mass-spring scenes, trajectories and reports.
 //!
-//! Scenes are RON files, described in [`parse_scene`]; trajectories are CSV;
-//! reports are JSON. Every file appears whole or not at all. An output of a run is a
+//! Scenes are RON files, described in [`parse_scene`]; trajectories are CSV, arrays for
+//! numpy ([`Npz`]), grids for ParaView ([`Vtu`]) or point caches for Blender
+//! ([`PointCache`]); reports are JSON. Every file appears whole or not at all. An output of a run is a
 //! [`SinkKind`].
 //!
 //! ```

@@ -1,6 +1,7 @@
 //! What the page shows of a run, packed.
 
 use super::quantized::{Deflated, Packed, Quantized, Ranges};
+use nalgebra::Vector3;
 use serde::Serialize;
 use springs_io::{FrameFile, Quantity};
 use springs_scene::{Scene, Spring};
@@ -38,56 +39,76 @@ impl Shown {
     }
 }
 
-/// The numbers of a frame.
-#[derive(Default)]
-struct Moment {
-    /// In s.
-    time: f64,
-    /// Of each of [`Shown::ALL`], of nodes or springs one after the other.
-    shown: [Vec<f64>; 4],
+/// Frames of a scene as they are shown.
+pub(super) struct Shows<'a> {
+    frames: FrameFile<'static>,
+    scene: &'a Scene,
     numbers: Vec<f64>,
 }
 
-impl Moment {
-    fn of(&self, shown: Shown) -> &[f64] {
-        &self.shown[shown as usize]
+impl<'a> Shows<'a> {
+    /// Of frames of this scene.
+    pub(super) fn new(frames: FrameFile<'static>, scene: &'a Scene) -> Self {
+        Self {
+            frames,
+            scene,
+            numbers: Vec::new(),
+        }
     }
 
-    fn read(
-        &mut self,
-        frames: &mut FrameFile<'_>,
-        frame: usize,
-        springs: &[Spring],
-    ) -> io::Result<()> {
-        let Self {
-            time,
-            shown: [positions, speeds, tensions, strains],
-            numbers,
-        } = self;
-        frames.read(Quantity::Time, frame, numbers)?;
-        *time = numbers[0];
-        frames.read(Quantity::Position, frame, positions)?;
-        frames.read(Quantity::Velocity, frame, numbers)?;
-        let speed = |v: &[f64]| v[0].hypot(v[1]).hypot(v[2]);
-        speeds.clear();
-        speeds.extend(numbers.chunks_exact(3).map(speed));
-        frames.read(Quantity::Tension, frame, tensions)?;
-        frames.read(Quantity::Length, frame, numbers)?;
-        let strain = |(length, spring): (&f64, &Spring)| {
-            if spring.rest_length > 0.0 {
-                (length - spring.rest_length) / spring.rest_length
-            } else {
-                0.0
+    fn time(&mut self, frame: usize) -> io::Result<f64> {
+        self.frames.read(Quantity::Time, frame, &mut self.numbers)?;
+        Ok(self.numbers[0])
+    }
+
+    /// Reads what is shown of a frame, of nodes or springs one after the other.
+    fn read(&mut self, shown: Shown, frame: usize, to: &mut Vec<f64>) -> io::Result<()> {
+        let (frames, numbers) = (&mut self.frames, &mut self.numbers);
+        to.clear();
+        match shown {
+            Shown::Position => frames.read(Quantity::Position, frame, to)?,
+            Shown::Speed => {
+                frames.read(Quantity::Velocity, frame, numbers)?;
+                let speed = |v: &[f64]| v[0].hypot(v[1]).hypot(v[2]);
+                to.extend(numbers.chunks_exact(3).map(speed));
             }
-        };
-        strains.clear();
-        strains.extend(numbers.iter().zip(springs).map(strain));
-        if self.shown.iter().flatten().all(|number| number.is_finite()) {
+            Shown::Tension => frames.read(Quantity::Tension, frame, to)?,
+            Shown::Strain => {
+                frames.read(Quantity::Length, frame, numbers)?;
+                let lengths = numbers.iter().zip(&self.scene.springs);
+                to.extend(lengths.map(|(length, spring)| strain(spring, *length)));
+            }
+        }
+        if to.iter().all(|number| number.is_finite()) {
             Ok(())
         } else {
             let what = format!("frame {frame} has numbers that are not finite");
             Err(io::Error::new(io::ErrorKind::InvalidData, what))
         }
+    }
+
+    /// Positions of the first, the middle and the last frame.
+    pub(super) fn some_positions(&mut self) -> io::Result<Vec<Vector3<f64>>> {
+        let (mut points, mut numbers) = (Vec::new(), Vec::new());
+        let n_frames = self.frames.n_frames();
+        let last = n_frames.saturating_sub(1);
+        for frame in [0, last / 2, last] {
+            if frame < n_frames {
+                self.read(Shown::Position, frame, &mut numbers)?;
+                let vectors = numbers.chunks_exact(3);
+                points.extend(vectors.map(|x| Vector3::new(x[0], x[1], x[2])));
+            }
+        }
+        Ok(points)
+    }
+}
+
+/// Zero where the rest length is.
+fn strain(spring: &Spring, length: f64) -> f64 {
+    if spring.rest_length > 0.0 {
+        (length - spring.rest_length) / spring.rest_length
+    } else {
+        0.0
     }
 }
 
@@ -119,12 +140,12 @@ const MOST_BITS: u32 = 16;
 
 impl Survey {
     /// Looks at all frames once.
-    pub(super) fn of(frames: &mut FrameFile<'_>, scene: &Scene) -> io::Result<Self> {
-        let size = frames.size();
+    pub(super) fn of(shows: &mut Shows<'_>) -> io::Result<Self> {
+        let size = shows.frames.size();
         let a_frame = 4 * size.n_nodes + 2 * size.n_springs;
-        let all = frames.n_frames();
+        let all = shows.frames.n_frames();
         let stride = (all.saturating_mul(a_frame)).div_ceil(MOST_NUMBERS).max(1);
-        let compliances: Vec<f64> = scene.springs.iter().map(compliance).collect();
+        let compliances: Vec<f64> = shows.scene.springs.iter().map(compliance).collect();
         let mut survey = Self {
             kept: kept(all, stride),
             stride,
@@ -133,14 +154,15 @@ impl Survey {
             nonlinearity: 0.0,
             most_compliance: compliances.iter().copied().fold(0.0, f64::max),
         };
-        let mut moment = Moment::default();
+        let mut numbers: [Vec<f64>; 4] = Default::default();
         for &frame in &survey.kept {
-            moment.read(frames, frame, &scene.springs)?;
-            survey.times.push(moment.time);
-            for (ranges, numbers) in survey.ranges.iter_mut().zip(&moment.shown) {
-                ranges.take(numbers);
+            survey.times.push(shows.time(frame)?);
+            for shown in Shown::ALL {
+                let numbers = &mut numbers[shown as usize];
+                shows.read(shown, frame, numbers)?;
+                survey.ranges[shown as usize].take(numbers);
             }
-            let (tensions, strains) = (moment.of(Shown::Tension), moment.of(Shown::Strain));
+            let [_, _, tensions, strains] = &numbers;
             let members = tensions.iter().zip(strains).zip(&compliances);
             for ((tension, strain), compliance) in members {
                 let distance = (tension * compliance - strain).abs();
@@ -171,22 +193,17 @@ impl Survey {
 
     /// Packs all into so many bytes: with fewer bits a number where that is needed, and
     /// then with fewer frames.
-    pub(super) fn pack(
-        &mut self,
-        frames: &mut FrameFile<'_>,
-        scene: &Scene,
-        room: usize,
-    ) -> io::Result<Arrays> {
+    pub(super) fn pack(&mut self, shows: &mut Shows<'_>, room: usize) -> io::Result<Arrays> {
         // Strains that follow from tensions nearly as well need no room.
         let derived_error = self.derived_error(MOST_BITS);
         let derives_strain = derived_error <= 4.0 * self.error(Shown::Strain, MOST_BITS);
         let mut arrays = Vec::new();
         for shown in Shown::ALL {
             if !(derives_strain && shown == Shown::Strain) {
-                arrays.push((shown, self.array(frames, scene, shown, MOST_BITS)?));
+                arrays.push((shown, self.array(shows, shown, MOST_BITS)?));
             }
         }
-        let mut slack = self.slack(frames, scene)?;
+        let mut slack = self.slack(shows)?;
         loop {
             let sizes = arrays.iter().map(|(_, array)| array.packed.bytes.len());
             if sizes.sum::<usize>() + slack.len() <= room {
@@ -197,14 +214,14 @@ impl Survey {
             let open = open.filter(|(shown, array)| array.bits > shown.fewest_bits());
             match open.max_by_key(|(_, array)| array.packed.bytes.len()) {
                 Some((shown, array)) => {
-                    *array = self.array(frames, scene, *shown, array.bits - 2)?;
+                    *array = self.array(shows, *shown, array.bits - 2)?;
                 }
                 None if self.kept.len() > 2 => {
-                    self.thin(frames.n_frames());
+                    self.thin(shows.frames.n_frames());
                     for (shown, array) in &mut arrays {
-                        *array = self.array(frames, scene, *shown, array.bits)?;
+                        *array = self.array(shows, *shown, MOST_BITS)?;
                     }
-                    slack = self.slack(frames, scene)?;
+                    slack = self.slack(shows)?;
                 }
                 None => break,
             }
@@ -226,23 +243,18 @@ impl Survey {
         })
     }
 
-    fn array(
-        &self,
-        frames: &mut FrameFile<'_>,
-        scene: &Scene,
-        shown: Shown,
-        bits: u32,
-    ) -> io::Result<Array> {
+    fn array(&self, shows: &mut Shows<'_>, shown: Shown, bits: u32) -> io::Result<Array> {
+        let size = shows.frames.size();
         let width = match shown {
-            Shown::Position => 3 * scene.nodes.len(),
-            Shown::Speed => scene.nodes.len(),
-            Shown::Tension | Shown::Strain => scene.springs.len(),
+            Shown::Position => 3 * size.n_nodes,
+            Shown::Speed => size.n_nodes,
+            Shown::Tension | Shown::Strain => size.n_springs,
         };
         let mut quantized = Quantized::new(&self.ranges[shown as usize], width, bits);
-        let mut moment = Moment::default();
+        let mut numbers = Vec::new();
         for &frame in &self.kept {
-            moment.read(frames, frame, &scene.springs)?;
-            quantized.push(moment.of(shown));
+            shows.read(shown, frame, &mut numbers)?;
+            quantized.push(&numbers);
         }
         Ok(Array {
             packed: quantized.pack(),
@@ -253,12 +265,12 @@ impl Survey {
 
     /// A bit a spring, those of a frame to whole bytes, as differences from the frame
     /// before.
-    fn slack(&self, frames: &mut FrameFile<'_>, scene: &Scene) -> io::Result<Vec<u8>> {
+    fn slack(&self, shows: &mut Shows<'_>) -> io::Result<Vec<u8>> {
         let mut packed = Deflated::default();
-        let mut before = vec![0; scene.springs.len().div_ceil(8)];
+        let mut before = vec![0; shows.frames.size().n_springs.div_ceil(8)];
         let mut tensions = Vec::new();
         for &frame in &self.kept {
-            frames.read(Quantity::Tension, frame, &mut tensions)?;
+            shows.read(Shown::Tension, frame, &mut tensions)?;
             let groups = tensions.chunks(8).map(|group| {
                 let bits = group.iter().enumerate();
                 bits.fold(0, |byte, (bit, tension)| {

@@ -1,15 +1,11 @@
 //! The page itself: its parts and the data in them.
 
 use super::FILE;
-use super::contents::{Arrays, Survey, pack_springs};
+use super::contents::{Arrays, Shows, Survey, pack_springs};
 use super::quantized::base64;
 use crate::filmstrip::{axes, up_of};
-use nalgebra::Vector3;
 use serde::Serialize;
-use springs_io::{
-    FrameFile, FrameSize, NpzError, Quantity, TableError, WriteError, open_npz, read_tables,
-    write_whole,
-};
+use springs_io::{FrameSize, NpzError, TableError, WriteError, open_npz, read_tables, write_whole};
 use springs_scene::{Guide, Node, Scene};
 use std::fmt::Write as _;
 use std::io::{self, ErrorKind};
@@ -95,7 +91,7 @@ pub fn page_of(folder: &Path, scene: &Scene) -> Result<String, ViewError> {
         n_springs: scene.springs.len(),
     };
     let path = folder.join(FRAMES);
-    let mut frames = if path.exists() {
+    let frames = if path.exists() {
         open_npz(&path)?
     } else if TABLES.iter().all(|table| folder.join(table).exists()) {
         read_tables(folder, size)?
@@ -111,13 +107,15 @@ pub fn page_of(folder: &Path, scene: &Scene) -> Result<String, ViewError> {
         path: path.clone(),
         source,
     };
-    let mut survey = Survey::of(&mut frames, scene).map_err(read)?;
-    let toward = toward_viewer(&mut frames, scene).map_err(read)?;
+    let mut shows = Shows::new(frames, scene);
+    let mut survey = Survey::of(&mut shows).map_err(read)?;
+    let points = shows.some_positions().map_err(read)?;
+    let [_, _, toward] = axes(&scene.gravity, || points.iter());
     let springs = pack_springs(&scene.springs);
     let largest = BYTES_A_SPRING * size.n_springs.max(FEW_SPRINGS);
     // Four letters for three bytes.
     let room = largest / 4 * 3 - ROOM_FOR_OTHERS - springs.len();
-    let arrays = survey.pack(&mut frames, scene, room).map_err(read)?;
+    let arrays = survey.pack(&mut shows, room).map_err(read)?;
     let header = Header {
         name: &scene.name,
         nodes: size.n_nodes,
@@ -125,7 +123,7 @@ pub fn page_of(folder: &Path, scene: &Scene) -> Result<String, ViewError> {
         stride: survey.stride,
         times: &survey.times,
         up: up_of(&scene.gravity).into(),
-        toward,
+        toward: toward.into(),
         supports: supports(&scene.nodes),
         energies,
         arrays: &arrays,
@@ -215,21 +213,6 @@ fn energies_of(path: &Path) -> Result<Option<Energies>, ViewError> {
         names,
         columns,
     }))
-}
-
-/// From where the first, the middle and the last frame are seen well.
-fn toward_viewer(frames: &mut FrameFile<'_>, scene: &Scene) -> io::Result<[f64; 3]> {
-    let (mut points, mut numbers) = (Vec::new(), Vec::new());
-    let last = frames.n_frames().saturating_sub(1);
-    for frame in [0, last / 2, last] {
-        if frame < frames.n_frames() {
-            frames.read(Quantity::Position, frame, &mut numbers)?;
-            let vectors = numbers.chunks_exact(3);
-            points.extend(vectors.map(|x| Vector3::new(x[0], x[1], x[2])));
-        }
-    }
-    let [_, _, toward] = axes(&scene.gravity, || points.iter());
-    Ok(toward.into())
 }
 
 fn page(header: &Header<'_>, springs: &[u8]) -> String {
