@@ -13,7 +13,7 @@ folder = Path(sys.argv[1])
 
 def table(name, n_columns):
     rows = (folder / name).read_text().splitlines()[1:]
-    return numpy.array([[float(x) for x in row.split(",")[:n_columns]] for row in rows])
+    return numpy.array([[float(x or "nan") for x in row.split(",")[:n_columns]] for row in rows])
 
 
 nodes = table("trajectory.csv", 8)
@@ -27,7 +27,7 @@ f = len(nodes)
 
 def same(found, expected, what):
     assert found.shape == expected.shape, (what, found.shape, expected.shape)
-    assert (found == expected).all(), what
+    assert numpy.array_equal(found, expected, equal_nan=True), what
 
 
 assert zipfile.ZipFile(folder / "trajectory.npz").testzip() is None

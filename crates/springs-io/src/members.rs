@@ -39,8 +39,7 @@ fn springs(frame: &TrajectoryFrame<'_>, members: &FrameMembers<'_>, bytes: &mut 
     for (index, (spring, &tension)) in springs.enumerate() {
         let length = frame.length_of(spring);
         let (time, state) = (frame.time, state(tension));
-        let strain = strain(spring, length)
-            .map_or(String::new(), |strain| format!("{strain:?}"));
+        let strain = strain(spring, length).map_or(String::new(), |strain| format!("{strain:?}"));
         writeln!(
             bytes,
             "{time:?},{index},{length:?},{strain},{tension:?},{state}"
