@@ -235,7 +235,7 @@ class Picture {
 
     let at = this.use(this.bars);
     gl.uniform2f(at.pixels, width, height);
-    gl.uniform1f(at.width, ratio * (run.springs > 5000 ? 1.2 : 2.2));
+    gl.uniform1f(at.width, ratio * (run.springs > 1000 ? 1.2 : 2.2));
     gl.uniform1f(at.dash, 7 * ratio);
     gl.uniform1i(at.picked, this.picked?.kind === "spring" ? this.picked.index : -1);
     gl.uniform3fv(at.stops, colours.stops.flat());
