@@ -33,6 +33,7 @@ mod read;
 mod report;
 mod scene_file;
 mod sink;
+mod statics;
 mod syntax;
 mod table;
 mod trajectory;
@@ -42,7 +43,7 @@ pub use atomic::{WriteError, remove_drafts, try_to_write, write_whole};
 pub use checkpoint::{Checkpoint, CheckpointError, read_checkpoint, write_checkpoint};
 pub use energies::ENERGIES;
 pub use growing::{ContinueError, FileMark, FoundFile, GrowingFile, part_name};
-pub use members::{REACTIONS, SpringsAndPeaks};
+pub use members::{REACTIONS, SPRINGS, SpringsAndPeaks};
 pub use read::{Finding, SceneError, parse_scene, read_scene, read_text};
 pub use report::{
     EnergyReport, EnergySum, FailureReport, IslandReport, Report, SavingReport, SecondsReport,
@@ -51,6 +52,10 @@ pub use report::{
 pub use sink::{
     FrameEnergies, FrameMembers, Mark, ResumeSink, RunEnd, RunPlan, Sink, SinkKind, TensionPeak,
     TrajectoryFrame,
+};
+pub use statics::{
+    MODES, ModesReport, NotFound, PATH, PathReport, PathRow, SHAPES, SettleReport, write_modes,
+    write_path,
 };
 pub use table::{Rows, Table};
 pub use trajectory::TRAJECTORY;

@@ -25,7 +25,8 @@ fn reactions(frame: &TrajectoryFrame<'_>, members: &FrameMembers<'_>, bytes: &mu
     }
 }
 
-static SPRINGS: Table = Table {
+/// The table of springs alone: a row per frame and spring.
+pub static SPRINGS: Table = Table {
     name: "springs",
     about: "springs.csv: length, strain and tension of every spring at each frame; peaks.csv",
     file: "springs.csv",

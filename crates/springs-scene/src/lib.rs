@@ -38,6 +38,6 @@ pub use prescribed::{Displacement, PrescribedMotion};
 pub use problems::{Path, Problem};
 pub use scene::{Guide, NamedMotion, Node, Rayleigh, Scene, Spring};
 pub use settings::{
-    LinearTolerance, Method, RunOptions, Settings, StepControl, Tangent, UnknownName,
+    LinearTolerance, Method, RunOptions, Settings, Start, StepControl, Tangent, UnknownName,
 };
 pub use text::{printable, printable_within};

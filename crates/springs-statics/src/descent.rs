@@ -90,6 +90,9 @@ impl<'a> Descent<'a> {
     }
 
     fn check(&self, forces: &[Vector3<f64>]) -> Result<(), StaticsError> {
+        if self.options.interrupt.is_requested() {
+            return Err(SolveError::Interrupted.into());
+        }
         let (block, size) = largest(forces);
         if size.is_finite() {
             return Ok(());

@@ -5,7 +5,7 @@ use crate::descent::Descent;
 use crate::equations::{Equations, largest};
 use nalgebra::Vector3;
 use springs_assembly::{System, compile};
-use springs_scene::Scene;
+use springs_scene::{Scene, Start};
 use springs_solver::Interrupt;
 
 /// How statics are computed. No result depends on threads.
@@ -126,6 +126,27 @@ pub fn settle(scene: &Scene, options: &Options) -> Result<Equilibrium, StaticsEr
     let mut equilibrium = settle_system(&system, options)?;
     equilibrium.add_weight_of_supports(scene);
     Ok(equilibrium)
+}
+
+/// The scene as it starts: with its nodes in equilibrium, if it
+/// [asks for that](springs_scene::Start), and then asking no more. Velocities are as they
+/// were. Gives the equilibrium, if one was asked for.
+///
+/// # Errors
+///
+/// As [`settle`].
+pub fn start(
+    scene: &Scene,
+    options: &Options,
+) -> Result<(Scene, Option<Equilibrium>), StaticsError> {
+    let mut started = scene.clone();
+    if scene.settings.start == Start::AsGiven {
+        return Ok((started, None));
+    }
+    let equilibrium = settle(scene, options)?;
+    equilibrium.write_to(&mut started);
+    started.settings.start = Start::AsGiven;
+    Ok((started, Some(equilibrium)))
 }
 
 /// As [`settle`], of a system, whatever emitters it has; reactions are without the weight

@@ -42,12 +42,6 @@ pub enum StaticsError {
     /// A path needs loads.
     #[error("there are no loads that a path could follow")]
     NoLoads,
-    /// A path could not be followed further.
-    #[error("the path could not be followed beyond load factor {factor:.6}")]
-    PathLost {
-        /// The factor there.
-        factor: f64,
-    },
     /// A node without mass has no stiffness that would make it follow the others.
     #[error("node {node} has no mass, and nothing holds it in all directions")]
     LooseMasslessNode {
@@ -87,6 +81,14 @@ impl StaticsError {
         }
     }
 
+    /// Whether no equilibrium was found, as opposed to something wrong with the scene.
+    pub fn is_not_found(&self) -> bool {
+        matches!(
+            self,
+            Self::CarriedOff { .. } | Self::NotBalanced { .. } | Self::NotFinite { .. }
+        )
+    }
+
     /// What to do about it.
     pub fn advice(&self) -> Option<&'static str> {
         match self {
@@ -97,9 +99,6 @@ impl StaticsError {
             }
             Self::NotFinite { .. } => Some("look at the units of positions and stiffnesses"),
             Self::NoLoads => Some("add `loads`; the path multiplies them by its load factor"),
-            Self::PathLost { .. } => {
-                Some("hold what is free to move without resistance, such as motions out of a plane")
-            }
             Self::LooseMasslessNode { .. } | Self::NoMass => Some("give it a mass"),
             _ => None,
         }

@@ -36,7 +36,7 @@ mod form;
 mod modes;
 mod path;
 
-pub use equilibrium::{Equilibrium, Options, Reaction, Status, settle, settle_system};
+pub use equilibrium::{Equilibrium, Options, Reaction, Status, settle, settle_system, start};
 pub use error::StaticsError;
 pub use form::form_of_densities;
 pub use modes::{Modes, modes};

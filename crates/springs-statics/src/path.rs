@@ -24,6 +24,8 @@ pub enum PathEnd {
     WholeLoad,
     /// At the most points that were asked for.
     MostPoints,
+    /// Where it could not be followed further.
+    Lost,
 }
 
 /// An equilibrium on a path.
@@ -69,8 +71,7 @@ const MOST_REFINEMENTS: usize = 60;
 ///
 /// # Errors
 ///
-/// If the scene has problems or no loads, there is no equilibrium without them, or the path
-/// is lost.
+/// If the scene has problems or no loads, or there is no equilibrium without them.
 pub fn trace(
     scene: &Scene,
     most_points: usize,
@@ -145,7 +146,8 @@ impl Tracer<'_> {
             let Some((next, corrections)) = self.step(&at, &tangent, step)? else {
                 step *= 0.5;
                 if step < shortest {
-                    return Err(StaticsError::PathLost { factor: at.factor });
+                    end = PathEnd::Lost;
+                    break;
                 }
                 continue;
             };
@@ -159,7 +161,8 @@ impl Tracer<'_> {
             }
             if next.factor >= 1.0 {
                 let Some(last) = self.at_whole_load(&at, &next)? else {
-                    return Err(StaticsError::PathLost { factor: at.factor });
+                    end = PathEnd::Lost;
+                    break;
                 };
                 self.tangent(&last, Some(&tangent))?;
                 points.push(self.point(&last, false));

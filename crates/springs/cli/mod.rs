@@ -2,12 +2,15 @@
 
 mod check;
 mod checkpoints;
+mod modes;
 mod new;
 mod output;
 mod resume;
 mod run;
+mod settle;
 mod signals;
 mod source;
+mod statics;
 mod study;
 mod summary;
 mod watcher;
@@ -32,6 +35,10 @@ enum Command {
     Run(run::RunArguments),
     /// Go on with a run that was stopped, as if it had not been.
     Resume(resume::ResumeArguments),
+    /// Find the equilibrium of a scene, and say whether it is stable.
+    Settle(settle::SettleArguments),
+    /// Find the lowest frequencies and shapes of vibrations about an equilibrium.
+    Modes(modes::ModesArguments),
     /// Say what is in a scene, what will be skipped and what looks wrong.
     Check(check::CheckArguments),
     /// Measure run time against error for a scene, method by method.
@@ -86,6 +93,8 @@ pub(crate) fn main() -> ExitCode {
     let ending = match arguments.command {
         Command::Run(arguments) => run::run(&arguments),
         Command::Resume(arguments) => resume::resume(&arguments),
+        Command::Settle(arguments) => settle::settle_command(&arguments),
+        Command::Modes(arguments) => modes::modes_command(&arguments),
         Command::Check(arguments) => check::check(&arguments),
         Command::Study(arguments) => study::study_command(&arguments),
         Command::New(arguments) => new::new(&arguments),
