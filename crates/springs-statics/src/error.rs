@@ -83,10 +83,7 @@ impl StaticsError {
 
     /// Whether no equilibrium was found, as opposed to something wrong with the scene.
     pub fn is_not_found(&self) -> bool {
-        matches!(
-            self,
-            Self::CarriedOff { .. } | Self::NotBalanced { .. } | Self::NotFinite { .. }
-        )
+        matches!(self, Self::CarriedOff { .. } | Self::NotBalanced { .. })
     }
 
     /// What to do about it.
