@@ -3,7 +3,7 @@
 mod common;
 
 use common::desk::{Desk, signal, wait_until};
-use springs::io::read_scene;
+use springs::io::{parse_scene, read_scene, scene_to_string};
 use springs::scene::{Start, Vector3};
 use springs::step::{SetupError, Simulation};
 
@@ -112,7 +112,9 @@ fn a_run_may_start_from_equilibrium() {
     assert!(checked.contains("starts from its equilibrium"), "{checked}");
 
     // The library settles nothing unasked.
-    let (scene, _) = read_scene(&desk.path("it.ron")).unwrap();
+    let (scene, options) = read_scene(&desk.path("it.ron")).unwrap();
+    let text = scene_to_string(&scene, &options);
+    assert_eq!(parse_scene("it", &text).unwrap().0, scene);
     let error = Simulation::new(&scene).err().unwrap();
     assert!(matches!(error, SetupError::NotSettled), "{error}");
     let options = springs::statics::Options::default();
