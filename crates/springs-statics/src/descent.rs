@@ -23,6 +23,10 @@ pub(crate) struct Descent<'a> {
     pub(crate) iterations: usize,
     /// Extent of everything, in m.
     size: f64,
+    /// The last μ that made a matrix positive definite.
+    shift: f64,
+    /// The last one that was needed for a step to lead down.
+    hard: f64,
 }
 
 /// A state on the way.
@@ -35,6 +39,16 @@ struct Point {
     carried: Vec<f64>,
 }
 
+/// What becomes of a step.
+enum Attempt {
+    /// Solved for; and whether it was cut to the reach.
+    Solved(Point, bool),
+    /// Its matrix is not positive definite.
+    Indefinite,
+    /// Newton's method does not converge.
+    Diverged,
+}
+
 /// Newton iterations of a step.
 const MOST_CORRECTIONS: usize = 8;
 /// A step is solved for when the last of them is this part of it.
@@ -45,6 +59,9 @@ const CONTRACTION: f64 = 0.7;
 const FIRST_DAMPING: f64 = 1e-2;
 const LEAST_DAMPING: f64 = 1e-17;
 const MOST_DAMPING: f64 = 1e4;
+/// The same where more of it makes the matrix positive definite.
+const LEAST_SHIFT: f64 = 1e-12;
+const MOST_SHIFT: f64 = 1.0;
 /// What μ is multiplied with after steps that succeed at once, and after those that do not.
 const EASIER: f64 = 0.1;
 const HARDER: f64 = 8.0;
@@ -52,6 +69,9 @@ const HARDER: f64 = 8.0;
 const CARRIED_OFF: f64 = 1e6;
 /// Steps of Newton's method alone at the end.
 const MOST_POLISHING: usize = 20;
+/// μ of steps that only stiff directions are moved by, and how many there are.
+const REFINING: f64 = 1e-6;
+const MOST_REFINEMENTS: usize = 4;
 /// Times that damped steps begin anew after those.
 const MOST_ROUNDS: usize = 4;
 
@@ -72,6 +92,8 @@ impl<'a> Descent<'a> {
             equations,
             solver,
             options,
+            shift: 0.0,
+            hard: 0.0,
             iterations: 0,
         })
     }
@@ -184,9 +206,7 @@ impl<'a> Descent<'a> {
     ) -> Result<Option<Point>, StaticsError> {
         let mut is_first = true;
         while *damping < MOST_DAMPING {
-            if let Some((next, is_cut)) = self.attempt(at, *damping, *reach)?
-                && self.leads_down(at, &next)
-            {
+            if let Some((next, is_cut)) = self.best_of(at, *damping, *reach, is_first)? {
                 if is_cut {
                     *reach *= 2.0;
                 } else if is_first {
@@ -194,46 +214,94 @@ impl<'a> Descent<'a> {
                     if *damping < LEAST_DAMPING {
                         *damping = 0.0;
                     }
+                } else {
+                    self.hard = *damping;
                 }
                 return Ok(Some(next));
             }
-            *damping = (HARDER * *damping).max(LEAST_DAMPING);
+            // Where it was hard before, it is likely to be so again.
+            let least = if is_first {
+                self.hard / HARDER
+            } else {
+                LEAST_DAMPING
+            };
+            *damping = (HARDER * *damping).max(least).max(LEAST_DAMPING);
             is_first = false;
         }
         *damping = FIRST_DAMPING;
         Ok(None)
     }
 
-    /// H + μS, clamped if that is not positive definite. Whether it is then.
+    /// The step with the matrix as it is or, where that is not positive definite, the better
+    /// one of two: with negative terms clamped, and with as much more damping as it takes.
+    /// The first is better far out, the second where the equilibrium is left that the matrix
+    /// belongs to, as in buckling. `None` if it does not lead down.
+    fn best_of(
+        &mut self,
+        at: &Point,
+        damping: f64,
+        reach: f64,
+        is_first: bool,
+    ) -> Result<Option<(Point, bool)>, StaticsError> {
+        let mut found = Vec::new();
+        match self.attempt(at, damping, reach, Projection::None)? {
+            Attempt::Indefinite => {
+                if let Attempt::Solved(point, is_cut) =
+                    self.attempt(at, damping, reach, Projection::Clamp)?
+                {
+                    found.push((point, is_cut));
+                }
+                let change = if is_first { 1.0 / HARDER } else { HARDER };
+                self.shift = (self.shift * change).max(HARDER * damping).max(LEAST_SHIFT);
+                while self.shift < MOST_SHIFT {
+                    match self.attempt(at, self.shift, reach, Projection::None)? {
+                        Attempt::Indefinite => self.shift *= HARDER,
+                        Attempt::Solved(point, is_cut) => {
+                            found.push((point, is_cut));
+                            break;
+                        }
+                        Attempt::Diverged => break,
+                    }
+                }
+            }
+            Attempt::Solved(point, is_cut) => found.push((point, is_cut)),
+            Attempt::Diverged => {}
+        }
+        let energy = |one: &(Point, bool)| one.0.potential.energy;
+        let down = found
+            .into_iter()
+            .filter(|(next, _)| self.leads_down(at, next));
+        Ok(down.min_by(|a, b| energy(a).total_cmp(&energy(b))))
+    }
+
+    /// H + μS. Whether it is positive definite.
     fn factorize(
         &mut self,
         at: &Point,
         damping: f64,
         scales: &[f64],
+        projection: Projection,
     ) -> Result<bool, StaticsError> {
-        for projection in [Projection::None, Projection::Clamp] {
-            self.equations
-                .linearize(&at.x, Some(&at.carried), projection);
-            let of_block = |block: usize| damping * scales[block];
-            let diagonal = self.equations.shifted_diagonal(of_block);
-            let off_diagonal = self.equations.off_diagonal();
-            match self.solver.set_matrix(&diagonal, off_diagonal) {
-                Ok(()) => return Ok(true),
-                Err(SolveError::NotPositiveDefinite { .. }) => {}
-                Err(error) => return Err(error.into()),
-            }
+        self.equations
+            .linearize(&at.x, Some(&at.carried), projection);
+        let of_block = |block: usize| damping * scales[block];
+        let diagonal = self.equations.shifted_diagonal(of_block);
+        let off_diagonal = self.equations.off_diagonal();
+        match self.solver.set_matrix(&diagonal, off_diagonal) {
+            Ok(()) => Ok(true),
+            Err(SolveError::NotPositiveDefinite { .. }) => Ok(false),
+            Err(error) => Err(error.into()),
         }
-        Ok(false)
     }
 
-    /// Where the step leads, and whether it was cut to the reach; `None` if it cannot be
-    /// solved for.
+    /// Where the step leads.
     fn attempt(
         &mut self,
         start: &Point,
         damping: f64,
         reach: f64,
-    ) -> Result<Option<(Point, bool)>, StaticsError> {
+        projection: Projection,
+    ) -> Result<Attempt, StaticsError> {
         let system = self.equations.system;
         let scales = self.equations.scales().to_vec();
         let mut move_by = vec![Vector3::zeros(); start.x.len()];
@@ -241,8 +309,12 @@ impl<'a> Descent<'a> {
         let mut most = f64::INFINITY;
         let mut is_cut = false;
         for iteration in 0..MOST_CORRECTIONS {
-            if !self.factorize(&at, damping, &scales)? {
-                return Ok(None);
+            if !self.factorize(&at, damping, &scales, projection)? {
+                return Ok(if iteration == 0 {
+                    Attempt::Indefinite
+                } else {
+                    Attempt::Diverged
+                });
             }
             let d = &mut move_by[..scales.len()];
             let moved = at.x.iter().zip(&start.x).map(|(x, start)| x - start);
@@ -256,7 +328,7 @@ impl<'a> Descent<'a> {
             // What is not a number is not shorter.
             let is_shorter = length <= most;
             if !is_shorter {
-                return Ok(None);
+                return Ok(Attempt::Diverged);
             }
             if iteration == 0 && length > reach {
                 is_cut = true;
@@ -275,7 +347,7 @@ impl<'a> Descent<'a> {
                 break;
             }
         }
-        Ok(Some((at, is_cut)))
+        Ok(Attempt::Solved(at, is_cut))
     }
 
     /// Whether the energy decreases or, where rounding hides that, what is left of forces.
@@ -324,6 +396,41 @@ impl<'a> Descent<'a> {
             }
         }
         Ok(false)
+    }
+
+    /// From where forces are balanced to where they are so up to rounding, as far as stiff
+    /// directions go: what is left of a tension is a stiffness across the spring, which
+    /// must not be taken for one.
+    pub(crate) fn refine(&mut self, x: &mut [Vector3<f64>]) -> Result<(), StaticsError> {
+        let system = self.equations.system;
+        let mut carried = vec![0.0; system.n_carried()];
+        let mut forces = self.equations.forces(x);
+        for _ in 0..MOST_REFINEMENTS {
+            system.carried(x, &mut carried);
+            let at = self.point(x.to_vec(), carried.clone());
+            let scales = self.equations.scales().to_vec();
+            let is_definite = self.factorize(&at, REFINING, &scales, Projection::None)?
+                || self.factorize(&at, REFINING, &scales, Projection::Clamp)?;
+            if !is_definite {
+                break;
+            }
+            let mut d = forces.clone();
+            self.solver.solve_in_place(numbers_mut(&mut d), 1e-10)?;
+            self.equations.project(&mut d);
+            let mut next = x.to_vec();
+            for (x, d) in next.iter_mut().zip(&d) {
+                *x += d;
+            }
+            let left = self.equations.forces(&next);
+            let is_better = largest(&left).1 < 0.5 * largest(&forces).1;
+            if !is_better {
+                break;
+            }
+            self.iterations += 1;
+            x.copy_from_slice(&next);
+            forces = left;
+        }
+        Ok(())
     }
 
     /// Pivots of the stiffness at x.

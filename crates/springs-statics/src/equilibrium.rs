@@ -58,7 +58,7 @@ pub struct Equilibrium {
     pub largest_force: f64,
     /// Negative pivots of the stiffness: independent motions that it does not resist.
     pub negative_pivots: usize,
-    /// Pivots that count as zero: up to 1e-12 of the stiffness at their node.
+    /// Pivots that count as zero: up to 1e-11 of the stiffness at their node.
     pub zero_pivots: usize,
     /// Newton iterations.
     pub iterations: usize,
@@ -113,7 +113,7 @@ const MOST_DIRECTIONS: usize = 10;
 
 /// Finds an equilibrium of a scene with the loads of the time 0.
 ///
-/// If forces are balanced at the start, that is it, stable or not. From anywhere else it
+/// If forces are balanced at the start, that is it up to rounding, stable or not. From anywhere else it
 /// goes downhill in potential energy; where symmetry alone leads to an unstable
 /// equilibrium, such as that of a column pressed along its axis, it goes on to one side,
 /// as long as that leads down.
@@ -158,11 +158,12 @@ pub fn start(
 pub fn settle_system(system: &System, options: &Options) -> Result<Equilibrium, StaticsError> {
     let mut x = system.initial_positions().to_vec();
     let mut descent = Descent::new(Equations::new(system), options)?;
-    let mut is_start = descent.is_balanced(&x)?;
+    let is_start = descent.is_balanced(&x)?;
     if !is_start {
         descent.run(&mut x)?;
     }
     for _ in 0..MOST_ESCAPES {
+        descent.refine(&mut x)?;
         let inertia = descent.inertia(&x)?;
         if is_start || inertia.negative == 0 {
             break;
@@ -172,7 +173,6 @@ pub fn settle_system(system: &System, options: &Options) -> Result<Equilibrium, 
         };
         x = beside;
         descent.run(&mut x)?;
-        is_start = false;
     }
     judge(&mut descent, &x)
 }

@@ -1,6 +1,6 @@
 //! What equilibria are found, and what is said of them.
 
-use nalgebra::Vector3;
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use springs_scene::generate::{Material, block, cloth};
 use springs_scene::{Guide, Load, Node, OverTime, Scene, Spring};
 use springs_statics::{Equilibrium, Options, StaticsError, Status, settle};
@@ -240,6 +240,123 @@ fn loads_are_those_of_time_zero_and_damping_does_nothing() {
     let equilibrium = settled(&scene);
     assert!((equilibrium.tensions[0] - 5.0).abs() < 1e-9);
     assert_eq!(equilibrium.status, Status::Stable);
+}
+
+/// Random networks, some of their nodes guided or massless, from random starts: what is said
+/// of an equilibrium is what dense algebra says.
+#[test]
+fn random_networks_are_judged_as_dense_algebra_judges_them() {
+    let (mut statuses, mut lost) = ([0; 3], 0);
+    for seed in 0..300 {
+        let mut random = Random(seed);
+        let mut unit = move || random.vector().x + 0.5;
+        let mut scene = Scene {
+            gravity: Vector3::new(0.0, 0.0, if unit() < 0.7 { -9.81 } else { 0.0 }),
+            ..Scene::default()
+        };
+        let n = 3 + (unit() * 8.0) as usize;
+        for _ in 0..n {
+            let at = Vector3::new(unit(), unit(), unit()) * 3.0;
+            let guide = match unit() {
+                x if x < 0.1 => Some(Guide::Along(Vector3::new(unit(), unit(), 1.0))),
+                x if x < 0.2 => Some(Guide::Held([true, false, unit() < 0.5])),
+                _ => None,
+            };
+            let is_fixed = unit() < 0.25;
+            scene.add_node(Node {
+                fixed: is_fixed,
+                guide: guide.filter(|_| !is_fixed),
+                mass: if unit() < 0.8 { unit() } else { 0.0 },
+                ..Node::at(at)
+            });
+        }
+        for b in 1..n {
+            // Everything hangs together, and some more.
+            scene
+                .springs
+                .push(spring((unit() * b as f64) as usize, b, 1e3, unit()));
+            let a = (unit() * n as f64) as usize;
+            if unit() < 0.6 && a != b {
+                let stiffness = 10f64.powf(2.0 + 4.0 * unit());
+                scene.springs.push(spring(a, b, stiffness, 2.0 * unit()));
+            }
+        }
+        let equilibrium = match settle(&scene, &Options::default()) {
+            Ok(equilibrium) => equilibrium,
+            Err(StaticsError::CarriedOff { .. }) => {
+                lost += 1;
+                assert!(!scene.nodes.iter().any(|node| node.fixed), "{seed}");
+                continue;
+            }
+            Err(error) => panic!("{seed}: {error}"),
+        };
+        assert!(equilibrium.residual <= 1e-10 * equilibrium.largest_force.max(100.0));
+        let (negative, zero) = dense_inertia(&scene, &equilibrium);
+        let pivots = (equilibrium.negative_pivots, equilibrium.zero_pivots);
+        assert_eq!(pivots, (negative, zero), "{seed}");
+        statuses[match equilibrium.status {
+            Status::Stable => 0,
+            Status::Unstable { .. } => 1,
+            Status::Mechanism { .. } => 2,
+        }] += 1;
+    }
+    // Nothing that is fixed is carried off, and no symmetry leads to unstable ones.
+    assert!(
+        statuses[0] > 100 && statuses[2] > 50 && lost > 10,
+        "{statuses:?}"
+    );
+    assert_eq!(statuses[1], 0);
+}
+
+/// Negative and zero eigenvalues of the stiffness on what guides let free.
+fn dense_inertia(scene: &Scene, equilibrium: &Equilibrium) -> (usize, usize) {
+    let mut there = scene.clone();
+    equilibrium.write_to(&mut there);
+    let n = there.nodes.len();
+    let mut whole = DMatrix::zeros(3 * n, 3 * n);
+    for spring in &there.springs {
+        let [a, b] = spring.nodes;
+        let d = there.nodes[b].position - there.nodes[a].position;
+        let l = d.norm();
+        let along = d * d.transpose() / (l * l);
+        let across = Matrix3::identity() - along;
+        let block = (along + across * (1.0 - spring.rest_length / l)) * spring.stiffness;
+        for (i, j, sign) in [(a, a, 1.0), (b, b, 1.0), (a, b, -1.0), (b, a, -1.0)] {
+            let mut part = whole.fixed_view_mut::<3, 3>(3 * i, 3 * j);
+            part += block * sign;
+        }
+    }
+    // A basis of what may move.
+    let mut columns = Vec::new();
+    for (k, node) in there
+        .nodes
+        .iter()
+        .enumerate()
+        .filter(|(_, node)| !node.fixed)
+    {
+        let mut add = |direction: Vector3<f64>| {
+            let mut column = DVector::zeros(3 * n);
+            column.fixed_rows_mut::<3>(3 * k).copy_from(&direction);
+            columns.push(column);
+        };
+        match node.guide {
+            None => (0..3).for_each(|axis| add(Vector3::ith(axis, 1.0))),
+            Some(Guide::Along(direction)) => add(direction.normalize()),
+            Some(Guide::Held(held)) => {
+                let free = (0..3).filter(|&axis| !held[axis]);
+                free.for_each(|axis| add(Vector3::ith(axis, 1.0)));
+            }
+        }
+    }
+    if columns.is_empty() {
+        return (0, 0);
+    }
+    let basis = DMatrix::from_columns(&columns);
+    let eigenvalues = (basis.transpose() * whole * &basis).symmetric_eigenvalues();
+    let limit = 1e-9 * eigenvalues.amax();
+    let below = eigenvalues.iter().filter(|value| **value < -limit);
+    let zero = eigenvalues.iter().filter(|value| value.abs() <= limit);
+    (below.count(), zero.count())
 }
 
 #[test]

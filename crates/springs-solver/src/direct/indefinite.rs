@@ -74,8 +74,8 @@ struct Update {
 impl Indefinite {
     /// Pivots count as zero up to this, where every block of the diagonal is scaled
     /// such that its largest entry is one: of a node with springs of stiffness K, up to
-    /// about 1e-12 K.
-    pub const ZERO: f64 = 1e-12;
+    /// about 1e-11 K.
+    pub const ZERO: f64 = 1e-11;
 
     /// Orders and factorizes symbolically, as [`Solver::analyze`](crate::Solver::analyze).
     ///

@@ -55,6 +55,8 @@ impl Dense<'_> {
         let mut pivots = Vec::new();
         let (mut k, mut end) = (0, n_summed);
         while k < end {
+            // Small pivots last: they are what rounding of larger ones has left.
+            self.swap(k, self.largest_on_diagonal(k, end));
             let width = match self.pivot_at(k, end, n_summed) {
                 Some(pivot) => self.take(pivot, k, &mut pivots),
                 None => {
@@ -75,6 +77,12 @@ impl Dense<'_> {
             end = n_summed;
         }
         pivots
+    }
+
+    fn largest_on_diagonal(&self, k: usize, end: usize) -> usize {
+        let size = |row: &usize| self.at(*row, *row).abs();
+        let largest = (k..end).reduce(|a, b| if size(&b) > size(&a) { b } else { a });
+        largest.unwrap_or(k)
     }
 
     /// A pivot with row k, which the second row is brought next to.
