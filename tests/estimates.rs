@@ -111,14 +111,11 @@ fn errors_of_velocities_count_for_as_long_as_they_last() {
 }
 
 /// Errors of vibrations do not last: what they are weighed by does not grow with the
-/// slow swing on top of them.
+/// slow swing on top of them. Velocity Verlet is bound by stability here: how many steps
+/// it makes depends on what vibrations rounding excites.
 #[test]
 fn errors_of_velocities_in_vibrations_do_not_shorten_steps() {
-    for (method, most) in [
-        (Method::VelocityVerlet, 9000),
-        (Method::BlanesMoan4, 4000),
-        (Method::BlanesMoan6, 2200),
-    ] {
+    for (method, most) in [(Method::BlanesMoan4, 4000), (Method::BlanesMoan6, 2200)] {
         let (_, steps) = run(&pendulum(1e8), method, 1e-6);
         assert!(steps < most, "{method}: {steps} steps");
     }

@@ -8,8 +8,8 @@ use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use springs::io::{parse_scene, scene_to_string};
 use springs::scene::{
-    Guide, LinearTolerance, Method, Node, RunOptions, Scene, Settings, Spring, StepControl,
-    Tangent, Vector3,
+    Guide, LinearTolerance, Method, Node, RunOptions, Scene, Settings, Spring, SpringLaw,
+    StepControl, Tangent, Vector3,
 };
 use springs::step::{Islands, Observer, Outcome};
 use std::ops::ControlFlow;
@@ -97,6 +97,56 @@ fn node() -> impl Strategy<Value = Node> {
         })
 }
 
+fn law() -> impl Strategy<Value = SpringLaw> {
+    let blend = || prop_oneof![Just(0.0), Just(SpringLaw::BLEND), 0.01..0.5f64];
+    let points = prop::collection::vec((0.0..0.5f64, -10.0..100.0f64), 2..6);
+    prop_oneof![
+        blend().prop_map(|blend| SpringLaw::TensionOnly { blend }),
+        blend().prop_map(|blend| SpringLaw::CompressionOnly { blend }),
+        (magnitude(), blend())
+            .prop_map(|(compression, blend)| SpringLaw::Bilinear { compression, blend }),
+        (0.0..1.0f64, magnitude(), blend()).prop_map(|(strain, stiffness, blend)| {
+            SpringLaw::Limit {
+                strain,
+                stiffness,
+                blend,
+            }
+        }),
+        (1.0..4.0f64).prop_map(|exponent| SpringLaw::Power { exponent }),
+        (magnitude(), prop::collection::vec(-10.0..10.0f64, 0..4)).prop_map(|(first, others)| {
+            SpringLaw::Polynomial([first].into_iter().chain(others).collect())
+        }),
+        points.prop_map(|points| {
+            let mut strain = -1.0;
+            let points = points.into_iter().map(|(step, tension)| {
+                strain += step;
+                [strain, tension]
+            });
+            SpringLaw::Table(points.collect())
+        }),
+    ]
+}
+
+/// Laws for some of the springs, where they may have them.
+fn with_laws(mut scene: Scene, laws: Vec<SpringLaw>, first: usize) -> Scene {
+    scene.laws = laws;
+    let n_laws = scene.laws.len();
+    for (index, spring) in scene.springs.iter_mut().enumerate() {
+        let law = (first + index) % (n_laws + 2);
+        let Some(found) = scene.laws.get(law) else {
+            continue;
+        };
+        if found.needs_rest_length() && spring.rest_length == 0.0 {
+            continue;
+        }
+        if let Some(own) = found.own_axial_stiffness() {
+            spring.stiffness = own / spring.rest_length;
+        }
+        spring.law = Some(law);
+    }
+    scene
+}
+
 fn spring(n_nodes: usize) -> impl Strategy<Value = Spring> {
     let numbers = (
         magnitude(),
@@ -112,6 +162,7 @@ fn spring(n_nodes: usize) -> impl Strategy<Value = Spring> {
             rest_length,
             mass,
             damping,
+            law: None,
         },
     )
 }
@@ -160,17 +211,20 @@ fn scene() -> impl Strategy<Value = (Scene, RunOptions)> {
         let springs = prop::collection::vec(spring(nodes.len().max(2)), 0..most);
         (Just(nodes), springs)
     });
-    (sized, vector(), settings()).prop_map(|((nodes, springs), gravity, (settings, options))| {
-        let scene = Scene {
-            name: String::new(),
-            gravity,
-            nodes,
-            springs,
-            settings,
-            ..Scene::default()
-        };
-        (scene, options)
-    })
+    let laws = prop_oneof![Just(Vec::new()), prop::collection::vec(law(), 1..4)];
+    (sized, vector(), settings(), laws, 0..9usize).prop_map(
+        |((nodes, springs), gravity, (settings, options), laws, first)| {
+            let scene = Scene {
+                name: String::new(),
+                gravity,
+                nodes,
+                springs,
+                settings,
+                ..Scene::default()
+            };
+            (with_laws(scene, laws, first), options)
+        },
+    )
 }
 
 /// The same scenes everywhere, unless PROPTEST_RNG_SEED says otherwise.

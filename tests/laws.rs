@@ -158,6 +158,10 @@ fn orders_are_those_of_the_method_and_the_edges() {
         let fine = run(&law, Method::Dop853, StepControl::Fixed(2e-4));
         let duration = rope().settings.duration;
         for (method, order, n_steps) in [
+            (Method::LinearlyImplicitEuler, 1.0, 400),
+            (Method::ImplicitEuler, 1.0, 400),
+            (Method::ImplicitMidpoint, 2.0, 100),
+            (Method::FilteredLeapfrog, 2.0, 200),
             (Method::VelocityVerlet, 2.0, 100),
             (Method::TrBdf2, 2.0, 100),
             (Method::BlanesMoan4, 4.0, 60),

@@ -3,6 +3,7 @@
 
 mod common;
 
+use common::laws::with_mixed_laws;
 use common::{append, tangle};
 use nalgebra::Vector3;
 use springs::scene::generate::{Material, block, cloth};
@@ -117,6 +118,26 @@ fn every_method_in_steps_of_fixed_size() {
         scene.settings.step = StepControl::Fixed(2e-3);
         // The last step is shorter.
         scene.settings.duration = 0.0433;
+        check(&scene, 3);
+    }
+}
+
+#[test]
+fn springs_with_laws() {
+    for &method in Method::ALL {
+        let mut scene = with_mixed_laws(undamped(9, 3), 8);
+        scene.settings.method = method;
+        scene.settings.step = StepControl::Fixed(2e-3);
+        scene.settings.duration = 0.0433;
+        check(&scene, 3);
+    }
+    // Parts, dashpots that fade, and steps by the error.
+    let mut scene = with_mixed_laws(tangle(7, 5), 2);
+    append(&mut scene, &with_mixed_laws(tangle(6, 6), 3));
+    scene.settings.step = StepControl::Tolerance(1e-4);
+    scene.settings.duration = 0.2;
+    for method in [Method::Auto, Method::TrBdf2, Method::Dop853] {
+        scene.settings.method = method;
         check(&scene, 3);
     }
 }

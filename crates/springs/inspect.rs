@@ -183,7 +183,7 @@ fn list_matrices(islands: &Islands, savings: &mut Savings) {
 }
 
 fn is_dead(spring: &Spring) -> bool {
-    spring.stiffness == 0.0 && spring.damping == 0.0
+    !spring.is_elastic() && spring.damping == 0.0
 }
 
 /// What is legal but probably not meant, as sentences.
@@ -340,7 +340,7 @@ fn list_odd_steps(simulation: &Simulation, suspicious: &mut Vec<String>) {
             (frequency, "stiffest node allows"),
             (rate, "strongest dashpots allow"),
         ] {
-            if h * bound > angle {
+            if h * bound > angle && bound.is_finite() {
                 suspicious.push(format!(
                     "the step of {h} s may be unstable with {method}: the {what} {:.2e} s",
                     angle / bound

@@ -13,7 +13,7 @@
 //! | [`io`] | `springs-io` | scene files, trajectories, reports |
 //!
 //! and what belongs to no single one of them: [`report`], [`inspect`],
-//! [`proportions`], [`sinks`], [`filmstrip`] and [`study`].
+//! [`materials`], [`proportions`], [`sinks`], [`filmstrip`] and [`study`].
 //!
 //! ```
 //! use springs::scene::generate::{Material, cloth};
@@ -28,6 +28,7 @@
 
 pub mod filmstrip;
 pub mod inspect;
+pub mod materials;
 pub mod proportions;
 pub mod report;
 pub mod sinks;

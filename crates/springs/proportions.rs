@@ -239,35 +239,23 @@ const MUCH_DAMPED: f64 = 100.0;
 
 fn list_dampers(scene: &Scene, suspicious: &mut Vec<String>) {
     let masses = scene.node_masses();
-    let inverse_mass = |node: usize| {
-        if scene.nodes[node].fixed {
-            0.0
-        } else {
-            masses[node].recip()
-        }
-    };
-    // c over the critical 2 √(K m), with the reduced mass of both ends.
-    let ratio = |spring: &Spring| {
-        let [a, b] = spring.nodes.map(inverse_mass);
-        spring.damping / (2.0 * (spring.stiffness / (a + b)).sqrt())
-    };
-    let is_odd = |spring: &Spring| {
+    let ratio =
+        |index: usize| scene.springs[index].damping / scene.critical_damping(index, &masses);
+    let is_odd = |index: &usize| {
+        let spring = &scene.springs[*index];
         let relaxation = spring.damping / spring.stiffness;
-        let ratio = ratio(spring);
+        let ratio = ratio(*index);
         ratio.is_finite()
             && (ratio > MOST_DAMPED || ratio > MUCH_DAMPED && relaxation > scene.settings.duration)
     };
-    let springs = scene.springs.iter().enumerate();
-    let odd: Vec<usize> = springs
-        .filter_map(|(index, spring)| is_odd(spring).then_some(index))
-        .collect();
+    let odd: Vec<usize> = (0..scene.springs.len()).filter(is_odd).collect();
     if let Some(&first) = odd.first() {
         let spring = &scene.springs[first];
         suspicious.push(format!(
             "{}: the dashpot is {} times as strong as what would stop all vibration, and takes \
              {} s to let its spring relax; is damping in N·s/m?",
             name_them("spring", &odd),
-            rounded(ratio(spring)),
+            rounded(ratio(first)),
             rounded(spring.damping / spring.stiffness),
         ));
     }

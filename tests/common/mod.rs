@@ -5,6 +5,7 @@
 
 pub mod desk;
 pub mod hard;
+pub mod laws;
 pub mod moving;
 
 use nalgebra::Vector3;
@@ -80,11 +81,14 @@ pub fn tangle(n_nodes: usize, seed: u64) -> Scene {
 /// Adds a copy of another scene, whose nodes come after those that are there.
 pub fn append(scene: &mut Scene, other: &Scene) {
     let first = scene.nodes.len();
+    let first_law = scene.laws.len();
     scene.nodes.extend(&other.nodes);
+    scene.laws.extend(other.laws.iter().cloned());
     scene
         .springs
         .extend(other.springs.iter().map(|spring| Spring {
             nodes: spring.nodes.map(|node| node + first),
+            law: spring.law.map(|law| law + first_law),
             ..*spring
         }));
 }

@@ -3,6 +3,7 @@
 use crate::drag::Drag;
 use crate::elements::{Element, PointMasses, SpringMasses};
 use crate::gravity::Gravity;
+use crate::laws::{fading, springs_with_laws};
 use crate::loads::SceneLoad;
 use crate::springs::Merged;
 use crate::system::Couplings;
@@ -10,6 +11,8 @@ use crate::{
     BlockPattern, Dashpots, Emitter, Lines, Loads, Motion, Numbering, SpringBetween, Springs,
     System,
 };
+use springs_math::dashpot::Fading;
+use springs_math::law::TableError;
 use springs_math::spring;
 use springs_scene::{Node, Problem, Scene, Spring};
 
@@ -20,6 +23,14 @@ pub enum CompileError {
     /// The scene itself is wrong; the message is that of the first problem.
     #[error("{}", .0[0])]
     Problems(Vec<Problem>),
+    /// A law cannot be computed with.
+    #[error("the law of spring {spring} cannot be computed with: {source}")]
+    Law {
+        /// The spring.
+        spring: usize,
+        /// What is wrong with it.
+        source: TableError,
+    },
     /// More emitters than [`Lines::MOST`].
     #[error("there are {n_emitters} emitters; {most} are the most", most = Lines::MOST)]
     TooManyEmitters {
@@ -98,12 +109,15 @@ pub fn compile_with(scene: &Scene, compilation: Compilation) -> Result<System, C
     loads.number(&numbering);
     let mut drag = Drag::of_nodes(scene.node_drags());
     drag.number(&numbering);
+    let mut with_laws = springs_with_laws(scene)?;
+    with_laws.number(&numbering);
     let mut emitters: Vec<Box<dyn Emitter>> = vec![
         Box::new(springs),
         Box::new(gravity),
         Box::new(dashpots),
         Box::new(loads),
         Box::new(drag),
+        Box::new(with_laws),
     ];
     for mut emitter in others {
         emitter.number(&numbering);
@@ -126,20 +140,20 @@ pub fn compile_with(scene: &Scene, compilation: Compilation) -> Result<System, C
     ))
 }
 
-/// The springs that have a stiffness; those of one rest length between the same two
+/// The linear springs that have a stiffness; those of one rest length between the same two
 /// nodes are one, unless nothing is to be left out: K = ΣK. Their tensions are in
 /// proportion to their stiffnesses, so that this is exact with every projection.
 fn springs_of(scene: &Scene, is_complete: bool) -> Springs {
+    let is_linear = |spring: &Spring| spring.stiffness > 0.0 && spring.law.is_none();
     // Rest lengths are not negative, so their bits are in their order.
     let firsts = firsts_of_pairs(scene, is_complete, |_, spring| {
-        (spring.stiffness > 0.0).then_some((spring.rest_length + 0.0).to_bits())
+        is_linear(spring).then_some((spring.rest_length + 0.0).to_bits())
     });
     let mut sums = vec![0.0; scene.springs.len()];
     for (spring, &first) in scene.springs.iter().zip(&firsts) {
         sums[first] += spring.stiffness;
     }
-    let is_first =
-        |index: &usize| scene.springs[*index].stiffness > 0.0 && firsts[*index] == *index;
+    let is_first = |index: &usize| is_linear(&scene.springs[*index]) && firsts[*index] == *index;
     let index: Vec<usize> = (0..scene.springs.len()).filter(is_first).collect();
     let parts = firsts.iter().enumerate();
     let parts = parts.filter(|(spring, first)| spring != *first);
@@ -174,12 +188,13 @@ fn loads_of(scene: &Scene) -> Loads<SceneLoad> {
     Loads::new("loads", each)
 }
 
-/// The springs that have a damping; those between the same two nodes are one, unless
-/// nothing is to be left out: c = Σc.
+/// The springs that have a damping; those between the same two nodes that fade nowhere
+/// are one, unless nothing is to be left out: c = Σc.
 fn dashpots_of(scene: &Scene, is_complete: bool) -> Dashpots {
     let is_damped = |index: usize| scene.dashpot(index) > 0.0;
     let firsts = firsts_of_pairs(scene, is_complete, |index, _| {
-        is_damped(index).then_some(())
+        let may_merge = is_damped(index) && fading(scene, index) == Fading::Nowhere;
+        may_merge.then_some(())
     });
     let mut sums = vec![0.0; scene.springs.len()];
     for (index, &first) in firsts.iter().enumerate() {
@@ -187,10 +202,10 @@ fn dashpots_of(scene: &Scene, is_complete: bool) -> Dashpots {
     }
     let damped = scene.springs.iter().enumerate();
     let damped = damped.filter(|(index, _)| is_damped(*index) && firsts[*index] == *index);
-    let dashpots: Vec<_> = damped
-        .map(|(index, spring)| (spring.nodes, sums[index]))
-        .collect();
-    Dashpots::new(&dashpots)
+    let (dashpots, fading): (Vec<_>, Vec<_>) = damped
+        .map(|(index, spring)| ((spring.nodes, sums[index]), fading(scene, index)))
+        .unzip();
+    Dashpots::new(&dashpots).with_fading(fading)
 }
 
 /// The first spring of those between the same nodes and with the same `trait_of`,

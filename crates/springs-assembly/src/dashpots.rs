@@ -7,14 +7,19 @@ use crate::{
 };
 use nalgebra::{Matrix3, Vector3};
 use springs_math::Separation;
-use springs_math::dashpot::{self, Dashpot};
+use springs_math::dashpot::{self, Dashpot, Fading};
 
 /// Dashpots between two nodes each. Scenes without any pay nothing for them.
 #[derive(Clone, Debug)]
 pub struct Dashpots {
     connections: Connections,
     damping: Vec<f64>,
+    /// Empty if none of them fades.
+    fading: Vec<Fading>,
 }
+
+/// Pieces of a passage within which a dashpot that fades does not.
+const PIECES: usize = 16;
 
 impl Dashpots {
     /// From nodes of a scene and c in N·s/m.
@@ -22,13 +27,40 @@ impl Dashpots {
         Self {
             connections: Connections::between(dashpots.iter().map(|(nodes, _)| *nodes)),
             damping: dashpots.iter().map(|(_, damping)| *damping).collect(),
+            fading: Vec::new(),
         }
     }
 
-    fn dashpot(&self, index: usize) -> Dashpot {
-        Dashpot {
-            damping: self.damping[index],
-        }
+    /// With where each of them acts.
+    ///
+    /// # Panics
+    ///
+    /// If that is not one for each.
+    pub fn with_fading(mut self, fading: Vec<Fading>) -> Self {
+        assert_eq!(fading.len(), self.damping.len(), "one for each");
+        let fades = fading.iter().any(|fading| *fading != Fading::Nowhere);
+        self.fading = if fades { fading } else { Vec::new() };
+        self
+    }
+
+    /// What acts of a dashpot at a length in m, and what its damping changes by with
+    /// the length, in N·s/m².
+    fn acting(&self, index: usize, length: impl FnOnce() -> f64) -> (Dashpot, f64) {
+        let damping = self.damping[index];
+        let Some(fading) = self.fading.get(index) else {
+            return (Dashpot { damping }, 0.0);
+        };
+        let (factor, slope) = fading.at(length());
+        let damping_at = Dashpot {
+            damping: damping * factor,
+        };
+        (damping_at, damping * slope)
+    }
+
+    /// What acts of a dashpot.
+    fn dashpot(&self, index: usize, x: &[Vector3<f64>]) -> Dashpot {
+        let length = || Separation::of(&self.connections.difference(index, x)).length;
+        self.acting(index, length).0
     }
 
     fn ends(&self, index: usize) -> [usize; 2] {
@@ -37,22 +69,44 @@ impl Dashpots {
 
     fn force(&self, index: usize, x: &[Vector3<f64>], v: &[Vector3<f64>]) -> Vector3<f64> {
         let [a, b] = self.ends(index);
-        dashpot::force(self.dashpot(index), [&x[a], &x[b]], [&v[a], &v[b]])
+        dashpot::force(self.dashpot(index, x), [&x[a], &x[b]], [&v[a], &v[b]])
     }
 
     fn block(&self, index: usize, at: &Evaluation<'_>) -> [f64; 6] {
         let [a, b] = self.ends(index);
         let separation = Separation::between(&at.x[a], &at.x[b]);
-        let damping = self.damping[index];
-        let along = separation.along() * (damping * at.weights.damping);
+        let (Dashpot { damping }, slope) = self.acting(index, || separation.length);
+        let mut block = separation.along() * (damping * at.weights.damping);
         let rate = separation.direction.dot(&(at.v[b] - at.v[a]));
-        if !at.velocity_stiffness || rate <= 0.0 || separation.length == 0.0 {
-            return PACKED.map(|entry| along[entry]);
+        if at.velocity_stiffness && rate > 0.0 && separation.length != 0.0 {
+            let across = Matrix3::identity() - separation.along();
+            let stiffness = damping * rate / separation.length;
+            block += across * (stiffness * at.weights.stiffness);
         }
-        let across = Matrix3::identity() - separation.along();
-        let stiffness = damping * rate / separation.length;
-        let block = along + across * (stiffness * at.weights.stiffness);
+        if at.velocity_stiffness && slope * rate > 0.0 {
+            block += separation.along() * (slope * rate * at.weights.stiffness);
+        }
         PACKED.map(|entry| block[entry])
+    }
+
+    /// The heat, in J, of a passage between fixed nodes; see
+    /// [`dashpot::heat_of_passage`].
+    fn heat_of_passage(&self, index: usize, [start, end]: [Vector3<f64>; 2], h: f64) -> f64 {
+        if self.fading.is_empty() {
+            let dashpot = Dashpot {
+                damping: self.damping[index],
+            };
+            return dashpot::heat_of_passage(dashpot, &start, &end, h);
+        }
+        let pieces = PIECES as f64;
+        let at = |place: f64| start + (end - start) * (place / pieces);
+        let heat = |piece: usize| {
+            let piece = piece as f64;
+            let middle = || Separation::of(&at(piece + 0.5)).length;
+            let (dashpot, _) = self.acting(index, middle);
+            dashpot::heat_of_passage(dashpot, &at(piece), &at(piece + 1.0), h / pieces)
+        };
+        (0..PIECES).map(heat).sum()
     }
 
     fn add_interior(
@@ -89,6 +143,9 @@ impl Emitter for Dashpots {
     fn number(&mut self, numbering: &Numbering) {
         let order = self.connections.number(numbering);
         self.damping = order.iter().map(|&index| self.damping[index]).collect();
+        if !self.fading.is_empty() {
+            self.fading = order.iter().map(|&index| self.fading[index]).collect();
+        }
     }
 
     fn each_stencil(&self, visit: &mut dyn FnMut(&[u32])) {
@@ -177,7 +234,7 @@ impl Emitter for Dashpots {
     fn dissipation(&self, x: &[Vector3<f64>], v: &[Vector3<f64>]) -> f64 {
         let heat = |index| {
             let [a, b] = self.ends(index);
-            dashpot::dissipation(self.dashpot(index), [&x[a], &x[b]], [&v[a], &v[b]])
+            dashpot::dissipation(self.dashpot(index, x), [&x[a], &x[b]], [&v[a], &v[b]])
         };
         self.connections.live().map(heat).sum()
     }
@@ -193,8 +250,8 @@ impl Emitter for Dashpots {
     /// All the work becomes heat.
     fn between_fixed(&self, start: &[Vector3<f64>], end: &[Vector3<f64>], h: f64) -> BetweenFixed {
         let heat = |index| {
-            let [before, after] = [start, end].map(|x| self.connections.difference(index, x));
-            dashpot::heat_of_passage(self.dashpot(index), &before, &after, h)
+            let ends = [start, end].map(|x| self.connections.difference(index, x));
+            self.heat_of_passage(index, ends, h)
         };
         let heat = self.connections.between_fixed().map(heat).sum();
         BetweenFixed { work: heat, heat }

@@ -20,8 +20,10 @@ impl Lines {
     pub const LOADS: usize = 3;
     /// The line of drag.
     pub const DRAG: usize = 4;
+    /// The line of springs with laws beside the linear one.
+    pub const LAWS: usize = 5;
     /// The first line of other emitters.
-    pub const OTHERS: usize = 5;
+    pub const OTHERS: usize = 6;
 
     /// All lines together.
     pub fn sum(&self) -> f64 {
@@ -89,9 +91,9 @@ impl Energy {
         self.kinetic + self.potential.sum()
     }
 
-    /// Of linear springs.
+    /// Of the springs of a scene.
     pub fn elastic(&self) -> f64 {
-        self.potential[Lines::ELASTIC]
+        self.potential[Lines::ELASTIC] + self.potential[Lines::LAWS]
     }
 
     /// Of gravity.

@@ -40,6 +40,7 @@ mod emitter;
 mod energy;
 mod gravity;
 mod guides;
+mod laws;
 mod loads;
 mod matrix;
 mod motion;

@@ -59,6 +59,15 @@ impl<L: LengthLaw + Clone> Springs<L> {
         }
     }
 
+    /// The same, with the index of each in the list that they were made from.
+    pub(crate) fn with_index(name: &str, springs: &[SpringBetween<L>], index: Vec<usize>) -> Self {
+        assert_eq!(index.len(), springs.len(), "one for each");
+        Self {
+            index,
+            ..Self::new(name, springs)
+        }
+    }
+
     /// The tension that a method carried, or that at `x`, in N.
     fn tension(&self, index: usize, x: &[Vector3<f64>], carried: Option<&[f64]>) -> f64 {
         match carried.filter(|_| index < self.connections.live().end) {
@@ -194,10 +203,9 @@ impl Springs<Spring> {
         merged: Vec<Merged>,
     ) -> Self {
         Self {
-            index,
             merged,
             stiffness: StiffnessKind::ConstantAlongLines,
-            ..Self::new("elastic", springs)
+            ..Self::with_index("elastic", springs, index)
         }
     }
 
@@ -220,7 +228,11 @@ impl<L: LengthLaw + Clone + Send + Sync> Emitter for Springs<L> {
         Nature {
             n_terms: self.len(),
             n_merged: self.merged.len(),
-            stiffness: self.stiffness,
+            stiffness: if self.laws.is_empty() {
+                StiffnessKind::None
+            } else {
+                self.stiffness
+            },
             is_constant: false,
             is_load: false,
             is_damped: false,

@@ -33,6 +33,8 @@ mod read;
 mod report;
 mod scene_file;
 mod sink;
+mod spring_file;
+mod springs;
 mod statics;
 mod syntax;
 mod table;
@@ -44,7 +46,7 @@ pub use checkpoint::{Checkpoint, CheckpointError, read_checkpoint, write_checkpo
 pub use energies::ENERGIES;
 pub use growing::{ContinueError, FileMark, FoundFile, GrowingFile, part_name};
 pub use members::{REACTIONS, SPRINGS, SpringsAndPeaks};
-pub use read::{Finding, SceneError, parse_scene, read_scene, read_text};
+pub use read::{Finding, SceneError, parse_scene, parse_scene_with_inputs, read_scene, read_text};
 pub use report::{
     EnergyReport, EnergySum, FailureReport, IslandReport, Report, SavingReport, SecondsReport,
     SwitchReport, TrialsReport, write_report,
@@ -53,6 +55,7 @@ pub use sink::{
     FrameEnergies, FrameMembers, Mark, ResumeSink, RunEnd, RunPlan, Sink, SinkKind, TensionPeak,
     TrajectoryFrame,
 };
+pub use springs::{Inputs, SpringInput};
 pub use statics::{
     MODES, ModesReport, NotFound, PATH, PathReport, PathRow, SHAPES, SettleReport, write_modes,
     write_path,

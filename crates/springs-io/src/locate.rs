@@ -36,6 +36,14 @@ pub(crate) fn locate(text: &str, path: Path) -> Place {
             Some(Step::Index(index)),
             name.map(Step::Field),
         ],
+        // Scene files say where it is in their own words.
+        Path::Law(index) => [field("laws"), Some(Step::Index(index)), None],
+        Path::Material(index, name) => [
+            field("materials"),
+            Some(Step::Index(index)),
+            name.map(Step::Field),
+        ],
+        Path::Group(index) => [field("groups"), Some(Step::Index(index)), None],
         Path::Load(index, name) => [
             field("loads"),
             Some(Step::Index(index)),
@@ -136,6 +144,13 @@ impl<'a> Walker<'a> {
 
     /// From the start of a struct or list to the value of one of its entries.
     fn enter(&mut self, step: Step<'_>) -> bool {
+        // From a name in quotes to what it stands for.
+        if self.rest().starts_with('"') {
+            self.skip_string();
+            self.skip_to_value();
+            self.skip_while(|c| c == ':');
+            self.skip_to_value();
+        }
         self.skip_while(|c| c.is_alphanumeric() || c == '_');
         self.skip_to_value();
         if !self.rest().starts_with(['(', '[', '{']) {
@@ -256,5 +271,15 @@ Scene(
         assert_eq!(at(Path::Node(0, Some("mass"))), (5, 13));
         assert_eq!(at(Path::Node(7, None)), (5, 12));
         assert_eq!(at(Path::Simulation("step")), (3, 1));
+    }
+
+    #[test]
+    fn named_entries_are_entered() {
+        let text = "Scene(materials: {\"a \\\"(\": (EA: 1), \"b\": (E: 2, area: 3)})";
+        let at = |path| locate(text, path).column;
+        assert_eq!(at(Path::Material(0, Some("EA"))), 33);
+        assert_eq!(at(Path::Material(1, Some("area"))), 55);
+        assert_eq!(at(Path::Material(1, None)), 37);
+        assert_eq!(at(Path::Material(1, Some("law"))), 37);
     }
 }

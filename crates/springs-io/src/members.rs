@@ -39,14 +39,20 @@ fn springs(frame: &TrajectoryFrame<'_>, members: &FrameMembers<'_>, bytes: &mut 
     for (index, (spring, &tension)) in springs.enumerate() {
         let [a, b] = spring.nodes.map(|node| frame.positions[node]);
         let length = (b - a).norm();
-        let strain = (length - spring.rest_length) / spring.rest_length;
         let (time, state) = (frame.time, state(tension));
+        let strain = strain(length, spring.rest_length)
+            .map_or(String::new(), |strain| format!("{strain:?}"));
         writeln!(
             bytes,
-            "{time:?},{index},{length:?},{strain:?},{tension:?},{state}"
+            "{time:?},{index},{length:?},{strain},{tension:?},{state}"
         )
         .expect("writing to memory");
     }
+}
+
+/// None where there is no rest length.
+fn strain(length: f64, rest_length: f64) -> Option<f64> {
+    (rest_length > 0.0).then(|| (length - rest_length) / rest_length)
 }
 
 fn state(tension: f64) -> &'static str {

@@ -1,6 +1,6 @@
 //! Motions of a scene file, and their tables in files beside it.
 
-use crate::read::{Finding, read_text};
+use crate::read::{Finding, no_such, read_text};
 use crate::scene_file::{MotionEntry, NodeEntry, Real, Tuple};
 use nalgebra::Vector3;
 use springs_scene::{NamedMotion, Path as ScenePath, PrescribedMotion, printable};
@@ -47,15 +47,8 @@ pub(crate) fn motions(
         let name = entry.motion.as_ref()?;
         let found = motions.iter().position(|motion| motion.name == *name);
         if found.is_none() {
-            let known: Vec<String> = motions
-                .iter()
-                .map(|motion| printable(&motion.name))
-                .collect();
-            let known = match known.is_empty() {
-                true => "the scene has none".to_owned(),
-                false => format!("known are {}", known.join(", ")),
-            };
-            let message = format!("there is no motion `{}`; {known}", printable(name));
+            let known = motions.iter().map(|motion| motion.name.as_str());
+            let message = no_such("motion", name, known);
             let path = ScenePath::Node(node, Some("motion"));
             findings.push(Finding::at(text, path, message, None));
         }

@@ -3,13 +3,14 @@
 use crate::locate::{Place, locate};
 use crate::motions::{motions, vector};
 use crate::scene_file::{
-    LoadEntry, NodeEntry, OverTimeEntry, SceneFile, SimulationEntry, SpringEntry,
+    List, LoadEntry, NodeEntry, NodeIndex, NodesEntry, OverTimeEntry, SceneFile, SimulationEntry,
 };
+use crate::springs::{Inputs, damp, springs};
 use crate::syntax;
 use ron::extensions::Extensions;
 use springs_scene::{
-    Guide, Load, Method, Node, OverTime, Problem, Rayleigh, RunOptions, Scene, Settings, Spring,
-    StepControl,
+    Guide, Load, Method, Node, OverTime, Path as ScenePath, Problem, Rayleigh, RunOptions, Scene,
+    Settings, StepControl, printable,
 };
 use std::fmt;
 use std::io::{self, Read};
@@ -232,6 +233,19 @@ const PIECE: u64 = 1 << 20;
 /// If the text is not a sound scene: the first fault of its syntax, or
 /// everything that is wrong with the scene it describes.
 pub fn parse_scene(file: &str, text: &str) -> Result<(Scene, RunOptions), SceneError> {
+    let (scene, options, _) = parse_scene_with_inputs(file, text)?;
+    Ok((scene, options))
+}
+
+/// The same, with how the file gives its springs, which a scene does not keep.
+///
+/// # Errors
+///
+/// As [`parse_scene`].
+pub fn parse_scene_with_inputs(
+    file: &str,
+    text: &str,
+) -> Result<(Scene, RunOptions, Inputs), SceneError> {
     let text = without_mark(text);
     let syntax = ron::Options::default().with_default_extension(Extensions::IMPLICIT_SOME);
     let wrong = |findings| SceneError::Wrong {
@@ -257,7 +271,7 @@ pub fn parse_scene(file: &str, text: &str) -> Result<(Scene, RunOptions), SceneE
         .map(|(node, _)| Problem::FixedAndGuided { node })
         .collect();
     let mut findings = Vec::new();
-    let scene = scene(entries, (file, text), &mut findings);
+    let (scene, law_places, inputs) = scene(entries, (file, text), &mut findings);
     if !findings.is_empty() {
         return Err(wrong(findings));
     }
@@ -266,11 +280,15 @@ pub fn parse_scene(file: &str, text: &str) -> Result<(Scene, RunOptions), SceneE
     problems.extend(twice);
     problems.extend(options.problems());
     if problems.is_empty() {
-        return Ok((scene, options));
+        return Ok((scene, options, inputs));
     }
-    let findings = problems
-        .iter()
-        .map(|problem| Finding::at(text, problem.path(), problem.to_string(), problem.advice()));
+    let findings = problems.iter().map(|problem| {
+        let path = match problem.path() {
+            ScenePath::Law(law) => law_places[law],
+            path => path,
+        };
+        Finding::at(text, path, problem.to_string(), problem.advice())
+    });
     Err(wrong(findings.take(MOST_FINDINGS).collect()))
 }
 
@@ -282,7 +300,13 @@ fn without_mark(text: &str) -> &str {
 /// More than these help nobody.
 const MOST_FINDINGS: usize = 100;
 
-fn scene(file: SceneFile, at: (&str, &str), findings: &mut Vec<Finding>) -> Scene {
+/// The scene, where the file has its laws, and how it gives its springs.
+fn scene(
+    file: SceneFile,
+    at: (&str, &str),
+    findings: &mut Vec<Finding>,
+) -> (Scene, Vec<ScenePath>, Inputs) {
+    let text = at.1;
     let (motions, followed) = motions(file.motions.0, &file.nodes.0, at, findings);
     let nodes = file.nodes.0.into_iter().zip(followed);
     let nodes: Vec<Node> = nodes
@@ -291,21 +315,62 @@ fn scene(file: SceneFile, at: (&str, &str), findings: &mut Vec<Finding>) -> Scen
             ..node(entry)
         })
         .collect();
-    let springs = file.springs.0.into_iter();
-    Scene {
+    let resolved = springs(file.springs.0, &file.materials.0, &nodes, text, findings);
+    let groups = groups(file.groups.0, nodes.len(), text, findings);
+    let loads = file.loads.0.into_iter().enumerate();
+    let loads = loads.map(|(index, entry)| load(index, entry, &groups, text, findings));
+    let loads = loads.collect();
+    let mut scene = Scene {
         motions,
         name: file.name,
         gravity: vector(file.gravity),
-        springs: springs.map(|entry| spring(entry, &nodes)).collect(),
+        springs: resolved.springs,
+        laws: resolved.laws,
         nodes,
-        loads: file.loads.0.into_iter().map(load).collect(),
+        loads,
         drag: file.drag.0,
         damping: Rayleigh {
             mass: file.damping.mass.0,
             stiffness: file.damping.stiffness.0,
         },
         settings: settings(file.simulation),
+    };
+    damp(&resolved.ratios, &mut scene, text, findings);
+    (scene, resolved.law_places, resolved.inputs)
+}
+
+type Group = (String, Vec<usize>);
+
+/// Groups of nodes that exist.
+fn groups(
+    entries: Vec<(String, List<NodeIndex>)>,
+    n_nodes: usize,
+    text: &str,
+    findings: &mut Vec<Finding>,
+) -> Vec<Group> {
+    let mut groups = Vec::with_capacity(entries.len());
+    for (index, (name, nodes)) in entries.into_iter().enumerate() {
+        let nodes: Vec<usize> = nodes.0.iter().map(|index| index.0).collect();
+        if let Some(missing) = nodes.iter().find(|&&node| node >= n_nodes) {
+            let name = printable(&name);
+            let message =
+                format!("group `{name}` has node {missing}, but the scene has {n_nodes} of them");
+            let advice = Some("nodes are counted from 0");
+            findings.push(Finding::at(text, ScenePath::Group(index), message, advice));
+        }
+        groups.push((name, nodes));
     }
+    groups
+}
+
+/// "there is no material `a`; known are b, c".
+pub(crate) fn no_such<'a>(what: &str, name: &str, known: impl Iterator<Item = &'a str>) -> String {
+    let known: Vec<String> = known.map(printable).collect();
+    let known = match known.is_empty() {
+        true => "the scene has none".to_owned(),
+        false => format!("known are {}", known.join(", ")),
+    };
+    format!("there is no {what} `{}`; {known}", printable(name))
 }
 
 fn node(entry: NodeEntry) -> Node {
@@ -327,26 +392,28 @@ fn node(entry: NodeEntry) -> Node {
     }
 }
 
-/// A rest length that is left out is the distance of the nodes; where a node
-/// does not exist either, validation says so.
-fn spring(entry: SpringEntry, nodes: &[Node]) -> Spring {
-    let ends = entry.nodes.0.map(|index| index.0);
-    let distance = || match ends.map(|node| nodes.get(node)) {
-        [Some(a), Some(b)] => a.distance(b),
-        _ => 0.0,
+fn load(
+    index: usize,
+    entry: LoadEntry,
+    groups: &[Group],
+    text: &str,
+    findings: &mut Vec<Finding>,
+) -> Load {
+    let nodes = match entry.nodes {
+        NodesEntry::Indices(nodes) => nodes,
+        NodesEntry::Group(name) => match groups.iter().find(|(known, _)| *known == name) {
+            Some((_, nodes)) => nodes.clone(),
+            None => {
+                let known = groups.iter().map(|(name, _)| name.as_str());
+                let message = no_such("group", &name, known);
+                let path = ScenePath::Load(index, Some("nodes"));
+                findings.push(Finding::at(text, path, message, None));
+                Vec::new()
+            }
+        },
     };
-    Spring {
-        nodes: ends,
-        stiffness: entry.stiffness.0,
-        rest_length: entry.rest_length.map_or_else(distance, |real| real.0),
-        mass: entry.mass.0,
-        damping: entry.damping.0,
-    }
-}
-
-fn load(entry: LoadEntry) -> Load {
     Load {
-        nodes: entry.nodes.0.iter().map(|index| index.0).collect(),
+        nodes,
         force: vector(entry.force),
         over_time: match entry.over_time {
             OverTimeEntry::Constant => OverTime::Constant,

@@ -1,5 +1,6 @@
 //! Version 1 of the scene file, field by field.
 
+use crate::spring_file::{MaterialEntry, SpringEntry};
 use serde::Deserialize;
 use serde::de::{self, Deserializer, MapAccess, SeqAccess, Visitor};
 use std::fmt;
@@ -22,6 +23,10 @@ pub(crate) struct SceneFile {
     #[serde(default)]
     pub(crate) springs: List<SpringEntry>,
     #[serde(default)]
+    pub(crate) materials: ByName<MaterialEntry>,
+    #[serde(default)]
+    pub(crate) groups: ByName<List<NodeIndex>>,
+    #[serde(default)]
     pub(crate) loads: List<LoadEntry>,
     #[serde(default)]
     pub(crate) motions: ByName<MotionEntry>,
@@ -36,7 +41,7 @@ pub(crate) struct SceneFile {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields, rename = "Load")]
 pub(crate) struct LoadEntry {
-    pub(crate) nodes: List<NodeIndex>,
+    pub(crate) nodes: NodesEntry,
     pub(crate) force: Tuple<3, Real>,
     #[serde(default)]
     pub(crate) over_time: OverTimeEntry,
@@ -137,18 +142,6 @@ impl<'de> Deserialize<'de> for Held {
 
         deserializer.deserialize_any(Axes)
     }
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields, rename = "Spring")]
-pub(crate) struct SpringEntry {
-    pub(crate) nodes: Tuple<2, NodeIndex>,
-    pub(crate) stiffness: Real,
-    pub(crate) rest_length: Option<Real>,
-    #[serde(default)]
-    pub(crate) mass: Real,
-    #[serde(default)]
-    pub(crate) damping: Real,
 }
 
 #[derive(Default, Deserialize)]
@@ -265,7 +258,46 @@ where
     }
 }
 
+/// Nodes by their indices or by the name of a group.
+pub(crate) enum NodesEntry {
+    Indices(Vec<usize>),
+    Group(String),
+}
+
+impl<'de> Deserialize<'de> for NodesEntry {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Nodes;
+
+        impl<'de> Visitor<'de> for Nodes {
+            type Value = NodesEntry;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a list of nodes or the name of a group")
+            }
+
+            fn visit_str<E: de::Error>(self, name: &str) -> Result<NodesEntry, E> {
+                Ok(NodesEntry::Group(name.to_owned()))
+            }
+
+            fn visit_unit<E>(self) -> Result<NodesEntry, E> {
+                Ok(NodesEntry::Indices(Vec::new()))
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<NodesEntry, A::Error> {
+                let mut nodes = Vec::new();
+                while let Some(NodeIndex(node)) = seq.next_element()? {
+                    nodes.push(node);
+                }
+                Ok(NodesEntry::Indices(nodes))
+            }
+        }
+
+        deserializer.deserialize_any(Nodes)
+    }
+}
+
 /// `(a, b, c)` or `[a, b, c]`.
+#[derive(Clone)]
 pub(crate) struct Tuple<const N: usize, T>(pub(crate) [T; N]);
 
 impl<const N: usize, T: Copy + Default> Default for Tuple<N, T> {
@@ -349,6 +381,7 @@ impl<'de, T: Deserialize<'de>> Deserialize<'de> for ByName<T> {
 }
 
 /// `[a, b, …]` or `(a, b, …)`.
+#[derive(Clone)]
 pub(crate) struct List<T>(pub(crate) Vec<T>);
 
 impl<T> Default for List<T> {

@@ -54,7 +54,15 @@ pub(crate) fn finding(
         }
         _ => (place, None),
     };
-    Finding::in_text(text, place, path, message(&error.code), advice)
+    let message = match &error.code {
+        ron::Error::ExpectedStructLike => {
+            let before = text[..offset].trim_end();
+            let word = &before[before.trim_end_matches(is_in_word).len()..];
+            format!("`{word}` takes a pair of brackets, even an empty one: `{word}(…)`")
+        }
+        code => message(code),
+    };
+    Finding::in_text(text, place, path, message, advice)
 }
 
 /// Reads once more, keeping track of the path, which the fast way does not.
@@ -107,6 +115,12 @@ fn message(error: &ron::Error) -> String {
             "there is no field `{found}` here; known are {}",
             expected.join(", ")
         ),
+        E::NoSuchEnumVariant {
+            found, expected, ..
+        } => {
+            let known = expected.join(", ");
+            format!("`{found}` is not known here; known are {known}")
+        }
         other => other.to_string(),
     }
 }

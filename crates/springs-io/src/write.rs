@@ -5,7 +5,7 @@ use crate::scene_file::VERSION;
 use nalgebra::Vector3;
 use springs_scene::{
     Guide, LinearTolerance, Load, Method, OverTime, PrescribedMotion, Rayleigh, RunOptions, Scene,
-    Start, StepControl,
+    SpringLaw, Start, StepControl,
 };
 use std::fmt::Write as _;
 use std::io::{self, Write};
@@ -61,12 +61,27 @@ fn write_text(scene: &Scene, options: &RunOptions, text: &mut dyn Write) -> io::
         fields
     });
     write_list(text, "nodes", nodes)?;
+    if !scene.laws.is_empty() {
+        writeln!(text, "    materials: {{")?;
+        for (index, law) in scene.laws.iter().enumerate() {
+            writeln!(
+                text,
+                "        {}: (law: {}),",
+                material(index),
+                law_text(law)
+            )?;
+        }
+        writeln!(text, "    }},")?;
+    }
     let springs = scene.springs.iter().map(|spring| {
         let [a, b] = spring.nodes;
         let mut fields = format!("nodes: ({a}, {b}), stiffness: {}", number(spring.stiffness));
         fields += &format!(", rest_length: {}", number(spring.rest_length));
         push_number(&mut fields, "mass", spring.mass);
         push_number(&mut fields, "damping", spring.damping);
+        if let Some(law) = spring.law {
+            fields += &format!(", material: {}", material(law));
+        }
         fields
     });
     write_list(text, "springs", springs)?;
@@ -135,6 +150,45 @@ fn quoted(name: &str) -> String {
     ron::to_string(name).expect("a string")
 }
 
+/// The name of the material that stands for a law.
+fn material(law: usize) -> String {
+    format!("\"law {law}\"")
+}
+
+fn law_text(law: &SpringLaw) -> String {
+    let name = law.name();
+    match law {
+        SpringLaw::TensionOnly { blend } | SpringLaw::CompressionOnly { blend } => {
+            format!("{name}(blend: {})", number(*blend))
+        }
+        SpringLaw::Bilinear { compression, blend } => {
+            let (compression, blend) = (number(*compression), number(*blend));
+            format!("{name}(compression: {compression}, blend: {blend})")
+        }
+        SpringLaw::Limit {
+            strain,
+            stiffness,
+            blend,
+        } => {
+            let [strain, stiffness, blend] = [strain, stiffness, blend].map(|x| number(*x));
+            format!("{name}(strain: {strain}, stiffness: {stiffness}, blend: {blend})")
+        }
+        SpringLaw::Power { exponent } => format!("{name}(exponent: {})", number(*exponent)),
+        SpringLaw::Polynomial(coefficients) => {
+            let coefficients = coefficients.iter().map(|a| number(*a));
+            format!("{name}([{}])", coefficients.collect::<Vec<_>>().join(", "))
+        }
+        SpringLaw::Table(points) => format!("{name}([{}])", pairs(points)),
+    }
+}
+
+/// `(a, b), (c, d)`.
+fn pairs(points: &[[f64; 2]]) -> String {
+    let point = |[a, b]: &[f64; 2]| format!("({}, {})", number(*a), number(*b));
+    let points: Vec<String> = points.iter().map(point).collect();
+    points.join(", ")
+}
+
 fn motion_text(motion: &PrescribedMotion) -> String {
     match motion {
         PrescribedMotion::Sine {
@@ -169,12 +223,7 @@ fn load(load: &Load) -> String {
             let (frequency, phase) = (number(*frequency), number(*phase));
             format!(", over_time: Sine(frequency: {frequency}, phase: {phase})")
         }
-        OverTime::Table(points) => {
-            let point =
-                |[time, factor]: &[f64; 2]| format!("({}, {})", number(*time), number(*factor));
-            let points: Vec<String> = points.iter().map(point).collect();
-            format!(", over_time: Table([{}])", points.join(", "))
-        }
+        OverTime::Table(points) => format!(", over_time: Table([{}])", pairs(points)),
     };
     let (nodes, force) = (nodes.join(", "), tuple(&load.force));
     format!("nodes: [{nodes}], force: {force}{over_time}")

@@ -14,6 +14,60 @@ pub struct Dashpot {
     pub damping: f64,
 }
 
+/// Where a dashpot acts: it fades with a spring that pulls or pushes only.
+///
+/// Over a width w its damping is c·φ(u) with φ = u³(10 − 15u + 6u²), the one polynomial
+/// of degree 5 that goes from 0 at u = 0 to 1 at u = 1 with two derivatives of zero
+/// at both ends, so that forces are as smooth as those of a
+/// [tension-only law](crate::law::TensionOnly).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Fading {
+    /// At any length.
+    Nowhere,
+    /// Not below `length`, with all of c from `length` + `width` on.
+    Below {
+        /// In m.
+        length: f64,
+        /// w in m; c sets in at once if zero.
+        width: f64,
+    },
+    /// Not above `length`, with all of c up to `length` − `width`.
+    Above {
+        /// In m.
+        length: f64,
+        /// w in m; c sets in at once if zero.
+        width: f64,
+    },
+}
+
+impl Fading {
+    /// The part of c that acts at a length in m, and what it changes by with it, in 1/m.
+    #[inline]
+    pub fn at(&self, length: f64) -> (f64, f64) {
+        let (stretch, width, side) = match *self {
+            Self::Nowhere => return (1.0, 0.0),
+            Self::Below {
+                length: least,
+                width,
+            } => (length - least, width, 1.0),
+            Self::Above {
+                length: most,
+                width,
+            } => (most - length, width, -1.0),
+        };
+        if stretch <= 0.0 {
+            (0.0, 0.0)
+        } else if stretch >= width {
+            (1.0, 0.0)
+        } else {
+            let u = stretch / width;
+            let factor = u * u * u * (10.0 - u * (15.0 - 6.0 * u));
+            let slope = 30.0 * u * u * (1.0 - u) * (1.0 - u);
+            (factor, side * slope / width)
+        }
+    }
+}
+
 /// f₀ = c (w·u) u on node 0, in N. Node 1 feels −f₀.
 ///
 /// Positions in m, velocities in m/s.
@@ -101,6 +155,31 @@ mod tests {
         assert_eq!(dissipation(DASHPOT, [&x0, &x1], [&v0, &v1]), 12.0);
         // The force on both ends removes energy at the rate of the heat.
         assert_eq!(force.dot(&v0) - force.dot(&v1), -12.0);
+    }
+
+    /// Differences of 1e-6 m with an error of φ‴ h²/6.
+    #[test]
+    fn dashpots_fade_smoothly() {
+        let (length, width) = (2.0, 0.5);
+        let below = Fading::Below { length, width };
+        let above = Fading::Above { length, width };
+        assert_eq!(below.at(2.0), (0.0, 0.0));
+        assert_eq!(below.at(2.25), (0.5, 3.75));
+        assert_eq!(below.at(2.5), (1.0, 0.0));
+        assert_eq!(above.at(1.75), (0.5, -3.75));
+        assert_eq!(Fading::Nowhere.at(0.0), (1.0, 0.0));
+        for k in 0..100 {
+            let (l, h) = (1.4 + 0.012 * f64::from(k), 1e-6);
+            for fading in [below, above] {
+                let difference = (fading.at(l + h).0 - fading.at(l - h).0) / (2.0 * h);
+                assert!(
+                    (fading.at(l).1 - difference).abs() < 1e-8,
+                    "{fading:?} at {l}"
+                );
+            }
+        }
+        let kink = Fading::Below { length, width: 0.0 };
+        assert_eq!([kink.at(2.0).0, kink.at(2.1).0], [0.0, 1.0]);
     }
 
     #[test]

@@ -82,7 +82,7 @@ impl Scene {
     ///
     /// # Panics
     ///
-    /// If a spring of it joins a node that is not in it.
+    /// If a spring of it joins a node that is not in it, or has a law that does not exist.
     pub fn part(&self, island: &Island) -> Self {
         let here = |node: usize| {
             let found = island.nodes.binary_search(&node);
@@ -92,11 +92,14 @@ impl Scene {
             nodes: self.springs[spring].nodes.map(here),
             ..self.springs[spring]
         });
+        let mut springs: Vec<crate::Spring> = springs.collect();
+        let laws = self.laws_of(&mut springs);
         Self {
             name: self.name.clone(),
             gravity: self.gravity,
             nodes: island.nodes.iter().map(|&node| self.nodes[node]).collect(),
-            springs: springs.collect(),
+            springs,
+            laws,
             loads: self.loads_on(&island.nodes),
             motions: self.motions.clone(),
             drag: self.drag,
@@ -107,6 +110,17 @@ impl Scene {
 }
 
 impl Scene {
+    /// The laws that some springs have, and their places among these for each.
+    fn laws_of(&self, springs: &mut [crate::Spring]) -> Vec<crate::SpringLaw> {
+        let mut used: Vec<usize> = springs.iter().filter_map(|spring| spring.law).collect();
+        used.sort_unstable();
+        used.dedup();
+        for law in springs.iter_mut().filter_map(|spring| spring.law.as_mut()) {
+            *law = used.binary_search(law).expect("one that is used");
+        }
+        used.into_iter().map(|law| self.laws[law].clone()).collect()
+    }
+
     /// The loads on some of the nodes, ascending, by their places among these.
     fn loads_on(&self, nodes: &[usize]) -> Vec<crate::Load> {
         let here = |load: &crate::Load| {
@@ -163,5 +177,36 @@ mod tests {
         let part = scene.part(&islands.connected[1]);
         assert_eq!(part.nodes, [scene.nodes[0], scene.nodes[4]]);
         assert_eq!(part.springs[0].nodes, [0, 1]);
+    }
+
+    #[test]
+    fn parts_have_the_laws_of_their_springs() {
+        let mut scene = Scene::default();
+        for node in 0..4 {
+            scene.add_node(Node::at(Vector3::x() * f64::from(node)));
+        }
+        let exponents = [1.0, 2.0, 3.0].map(|exponent| crate::SpringLaw::Power { exponent });
+        scene.laws = exponents.to_vec();
+        for ([a, b], law) in [
+            ([0, 1], Some(2)),
+            ([1, 0], Some(0)),
+            ([2, 3], Some(2)),
+            ([2, 3], None),
+        ] {
+            let spring = scene.add_spring(a, b, 1.0);
+            scene.springs[spring].law = law;
+        }
+        let parts: Vec<Scene> = scene
+            .islands()
+            .connected
+            .iter()
+            .map(|i| scene.part(i))
+            .collect();
+        let of =
+            |part: &Scene| -> Vec<_> { part.springs.iter().map(|spring| spring.law).collect() };
+        assert_eq!(of(&parts[0]), [Some(1), Some(0)]);
+        assert_eq!(parts[0].laws, [exponents[0].clone(), exponents[2].clone()]);
+        assert_eq!(of(&parts[1]), [Some(0), None]);
+        assert_eq!(parts[1].laws, [exponents[2].clone()]);
     }
 }

@@ -24,18 +24,25 @@
 
 pub mod generate;
 mod islands;
+mod law;
 mod load;
+mod path;
 mod prescribed;
+mod pretension;
+mod problem;
 mod problems;
 mod scene;
 mod settings;
 mod text;
 
 pub use islands::{Island, Partition};
+pub use law::{LawFault, SpringLaw};
 pub use load::{Load, OverTime};
 pub use nalgebra::Vector3;
+pub use path::Path;
 pub use prescribed::{Displacement, PrescribedMotion};
-pub use problems::{Path, Problem};
+pub use pretension::{AxialStiffness, PretensionError, rest_length_under};
+pub use problem::Problem;
 pub use scene::{Guide, NamedMotion, Node, Rayleigh, Scene, Spring};
 pub use settings::{
     LinearTolerance, Method, RunOptions, Settings, Start, StepControl, Tangent, UnknownName,

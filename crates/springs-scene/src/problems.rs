@@ -1,343 +1,17 @@
 //! What can be wrong with a scene, all of it at once.
 
-use crate::{Guide, Load, Node, OverTime, PrescribedMotion, RunOptions, Scene, StepControl};
+use crate::problem::SHORTEST_STEP;
+use crate::{
+    Guide, Load, Node, OverTime, Path, PrescribedMotion, Problem, RunOptions, Scene, Spring,
+    SpringLaw, StepControl,
+};
 use nalgebra::Vector3;
-use std::fmt;
-
-/// A place in a scene: `nodes[2].mass`, `gravity`, `simulation.step`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Path {
-    /// A field of the scene itself.
-    Scene(&'static str),
-    /// A field of the simulation settings.
-    Simulation(&'static str),
-    /// A field of the damping of all springs and nodes.
-    Damping(&'static str),
-    /// A field of a node, or the whole node.
-    Node(usize, Option<&'static str>),
-    /// A field of a spring, or the whole spring.
-    Spring(usize, Option<&'static str>),
-    /// A field of a load, or the whole load.
-    Load(usize, Option<&'static str>),
-    /// A field of a motion, or the whole motion.
-    Motion(usize, Option<&'static str>),
-}
-
-impl fmt::Display for Path {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (list, index, field) = match *self {
-            Self::Scene(field) => return f.write_str(field),
-            Self::Simulation(field) => return write!(f, "simulation.{field}"),
-            Self::Damping(field) => return write!(f, "damping.{field}"),
-            Self::Node(index, field) => ("nodes", index, field),
-            Self::Spring(index, field) => ("springs", index, field),
-            Self::Load(index, field) => ("loads", index, field),
-            Self::Motion(index, field) => ("motions", index, field),
-        };
-        write!(f, "{list}[{index}]")?;
-        field.map_or(Ok(()), |field| write!(f, ".{field}"))
-    }
-}
-
-/// Something that keeps a scene from being simulated.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum Problem {
-    /// A number is infinite or not a number.
-    #[error("{}must be a finite number, but is {value}", subject(path))]
-    NotFinite {
-        /// Where.
-        path: Path,
-        /// The number.
-        value: f64,
-    },
-    /// A fixed node moves to where its coordinates cannot be computed with.
-    #[error("node {node} is fixed and moves to {value:?} m, which is too large to compute with")]
-    MovesTooFar {
-        /// The node.
-        node: usize,
-        /// A coordinate at the end, in m.
-        value: f64,
-    },
-    /// A number must not be negative.
-    #[error("{}must not be negative, but is {value}", subject(path))]
-    Negative {
-        /// Where.
-        path: Path,
-        /// The number.
-        value: f64,
-    },
-    /// A number must be greater than zero.
-    #[error("{}must be greater than zero, but is {value}", subject(path))]
-    NotPositive {
-        /// Where.
-        path: Path,
-        /// The number.
-        value: f64,
-    },
-    /// A node follows a motion that is not there.
-    #[error("node {node} follows motion {motion}, but the scene has {motions} of them")]
-    NoSuchMotion {
-        /// The node.
-        node: usize,
-        /// The motion it asks for.
-        motion: usize,
-        /// How many there are.
-        motions: usize,
-    },
-    /// A node follows a motion but is not fixed.
-    #[error("node {node} follows a motion, but is not fixed")]
-    MovesFreely {
-        /// The node.
-        node: usize,
-    },
-    /// The times of a motion are not in order.
-    #[error(
-        "the times of motion {motion} are not in order: {before:?} s stands before {after:?} s"
-    )]
-    MotionNotInOrder {
-        /// The motion.
-        motion: usize,
-        /// The first of two times, in s.
-        before: f64,
-        /// The second, in s.
-        after: f64,
-    },
-    /// A motion has no points.
-    #[error("the table of motion {motion} has no points")]
-    EmptyMotion {
-        /// The motion.
-        motion: usize,
-    },
-    /// A spring refers to a node that is not there.
-    #[error("spring {spring} joins node {node}, but {}", available(*nodes))]
-    NoSuchNode {
-        /// The spring.
-        spring: usize,
-        /// The node it asks for.
-        node: usize,
-        /// How many nodes there are.
-        nodes: usize,
-    },
-    /// A load acts on a node that is not there.
-    #[error("load {load} acts on node {node}, but {}", available(*nodes))]
-    NoSuchLoaded {
-        /// The load.
-        load: usize,
-        /// The node it asks for.
-        node: usize,
-        /// How many nodes there are.
-        nodes: usize,
-    },
-    /// A ramp ends before it begins, or the times of a table are not in order.
-    #[error("the times of load {load} are not in order: {before:?} s stands before {after:?} s")]
-    NotInOrder {
-        /// The load.
-        load: usize,
-        /// The first of two times, in s.
-        before: f64,
-        /// The second, in s.
-        after: f64,
-    },
-    /// A table has no points.
-    #[error("the table of load {load} has no points")]
-    EmptyTable {
-        /// The load.
-        load: usize,
-    },
-    /// Both ends of a spring are the same node.
-    #[error("spring {spring} joins node {node} to itself")]
-    Loop {
-        /// The spring.
-        spring: usize,
-        /// The node.
-        node: usize,
-    },
-    /// A node is fixed and guided at once.
-    #[error("node {node} is fixed or held, and slides at the same time")]
-    FixedAndGuided {
-        /// The node.
-        node: usize,
-    },
-    /// A guide holds nothing or everything, or has no direction.
-    #[error("{}", no_guide(*node, guide))]
-    NoGuide {
-        /// The node.
-        node: usize,
-        /// What it is.
-        guide: Guide,
-    },
-    /// A guided node starts with a velocity across its guide.
-    #[error(
-        "the velocity of node {node} must be one that its support lets it have, but it has \
-         {across:?} m/s across it"
-    )]
-    MovesAcross {
-        /// The node.
-        node: usize,
-        /// The part of the velocity across the guide, in m/s.
-        across: f64,
-    },
-    /// A free node without mass and without a spring that could hold it.
-    #[error("node {node} is free but has no mass, and no spring holds it")]
-    Unheld {
-        /// The node.
-        node: usize,
-    },
-    /// A node is so far from the others that distances overflow.
-    #[error("node {node} is too far from the others: the size of the scene is not a finite number")]
-    TooFar {
-        /// The node.
-        node: usize,
-    },
-    /// A free node is so light that 1/m overflows.
-    #[error("the mass of node {node} is too small: 1/m is not a finite number for {mass:e} kg")]
-    TooLight {
-        /// The node.
-        node: usize,
-        /// Its mass with that of its springs, in kg.
-        mass: f64,
-    },
-    /// The kinetic energy at the start overflows.
-    #[error("the velocity of node {node} is too large: its kinetic energy is not a finite number")]
-    TooFast {
-        /// The node.
-        node: usize,
-    },
-    /// The elastic energy at the start overflows.
-    #[error("spring {spring} is too stiff for its length: its energy is not a finite number")]
-    TooStrained {
-        /// The spring.
-        spring: usize,
-    },
-    /// The step is so short that its square is zero in double precision.
-    #[error(
-        "the simulation's step must not be shorter than {SHORTEST_STEP:e} s, but is {step:e} s"
-    )]
-    TooShort {
-        /// The step, in s.
-        step: f64,
-    },
-    /// The scene has more nodes or springs than can be numbered.
-    #[error("the scene has {count} {what}, more than the {} possible", u32::MAX)]
-    TooMany {
-        /// `nodes` or `springs`.
-        what: &'static str,
-        /// How many there are.
-        count: usize,
-    },
-}
 
 /// Of velocities across a guide, which many steps have added up.
 const ROUNDING: f64 = 1e-9;
 
-/// Steps are not shorter than this, in s.
-const SHORTEST_STEP: f64 = 1e-150;
-
-impl Problem {
-    /// Where it is.
-    pub fn path(&self) -> Path {
-        match *self {
-            Self::NotFinite { path, .. }
-            | Self::Negative { path, .. }
-            | Self::NotPositive { path, .. } => path,
-            Self::NoSuchNode { spring, .. } | Self::Loop { spring, .. } => {
-                Path::Spring(spring, Some("nodes"))
-            }
-            Self::NoSuchLoaded { load, .. } => Path::Load(load, Some("nodes")),
-            Self::NotInOrder { load, .. } | Self::EmptyTable { load } => {
-                Path::Load(load, Some("over_time"))
-            }
-            Self::MovesTooFar { node, .. } => Path::Node(node, Some("velocity")),
-            Self::Unheld { node } => Path::Node(node, None),
-            Self::FixedAndGuided { node }
-            | Self::NoGuide {
-                node,
-                guide: Guide::Along(_),
-            } => Path::Node(node, Some("slides")),
-            Self::NoGuide {
-                node,
-                guide: Guide::Held(_),
-            } => Path::Node(node, Some("fixed")),
-            Self::NoSuchMotion { node, .. } | Self::MovesFreely { node } => {
-                Path::Node(node, Some("motion"))
-            }
-            Self::MotionNotInOrder { motion, .. } | Self::EmptyMotion { motion } => {
-                Path::Motion(motion, None)
-            }
-            Self::MovesAcross { node, .. } => Path::Node(node, Some("velocity")),
-            Self::TooFar { node } => Path::Node(node, Some("position")),
-            Self::TooLight { node, .. } => Path::Node(node, Some("mass")),
-            Self::TooFast { node } => Path::Node(node, Some("velocity")),
-            Self::TooStrained { spring } => Path::Spring(spring, Some("stiffness")),
-            Self::TooShort { .. } => Path::Simulation("step"),
-            Self::TooMany { what, .. } => Path::Scene(what),
-        }
-    }
-
-    /// What to do about it, where that is not plain from the message.
-    pub fn advice(&self) -> Option<&'static str> {
-        match self {
-            Self::NoSuchNode { .. } | Self::NoSuchLoaded { .. } => Some("nodes are counted from 0"),
-            Self::NoSuchMotion { .. } => Some("motions are counted from 0"),
-            Self::MovesFreely { .. } => Some("write fixed: true, or leave the motion out"),
-            Self::EmptyMotion { .. } => Some("give it a point (time, (x, y, z)), or leave it out"),
-            Self::MotionNotInOrder { .. } | Self::NotInOrder { .. } => {
-                Some("each time must be later than the one before")
-            }
-            Self::EmptyTable { .. } => Some("give it a point (time, factor), or leave it out"),
-            Self::FixedAndGuided { .. } => Some("leave out one of fixed and slides"),
-            Self::NoGuide {
-                guide: Guide::Along(_),
-                ..
-            } => Some("give it the direction along which the node may move"),
-            Self::NoGuide {
-                guide: Guide::Held(_),
-                ..
-            } => Some("write one or two of the axes x, y and z, or true for all"),
-            Self::Loop { .. } => Some("join it to another node, or remove it"),
-            Self::Unheld { .. } => Some(
-                "give it a mass, give mass or stiffness to a spring at it, or write fixed: true",
-            ),
-            _ => None,
-        }
-    }
-}
-
-fn no_guide(node: usize, guide: &Guide) -> String {
-    match guide {
-        Guide::Held(_) => format!("node {node} must be held along one axis or two"),
-        Guide::Along(_) => format!("the direction in which node {node} slides must not be zero"),
-    }
-}
-
-/// "the stiffness of spring 3 ".
-fn subject(path: &Path) -> String {
-    match *path {
-        Path::Scene(field) => format!("{field} "),
-        Path::Simulation(field) => format!("the simulation's {field} "),
-        Path::Damping(field) => format!("the {field} part of the damping "),
-        Path::Node(index, field) => of("node", index, field),
-        Path::Spring(index, field) => of("spring", index, field),
-        Path::Load(index, field) => of("load", index, field),
-        Path::Motion(index, field) => of("motion", index, field),
-    }
-}
-
-fn of(what: &str, index: usize, field: Option<&str>) -> String {
-    match field {
-        Some(field) => format!("the {} of {what} {index} ", field.replace('_', " ")),
-        None => format!("{what} {index} "),
-    }
-}
-
-fn available(nodes: usize) -> String {
-    match nodes {
-        0 => "the scene has no nodes".to_owned(),
-        1 => "the scene has only node 0".to_owned(),
-        _ => format!("the scene has only nodes 0 to {}", nodes - 1),
-    }
-}
+/// Of a stiffness that is said twice.
+const SAME_STIFFNESS: f64 = 1e-6;
 
 impl RunOptions {
     /// What keeps a scene from being run with them; empty if nothing does.
@@ -386,7 +60,7 @@ impl Scene {
         for (index, spring) in self.springs.iter().enumerate() {
             let path = |field| Path::Spring(index, Some(field));
             if problems.joins_two_nodes(index, spring.nodes, self.nodes.len()) {
-                let holds = spring.stiffness > 0.0 || spring.mass > 0.0;
+                let holds = spring.is_elastic() || spring.mass > 0.0;
                 for node in spring.nodes {
                     held[node] |= holds;
                 }
@@ -395,6 +69,13 @@ impl Scene {
             problems.not_negative(path("rest_length"), spring.rest_length);
             problems.not_negative(path("mass"), spring.mass);
             problems.not_negative(path("damping"), spring.damping);
+            if let Some(law) = spring.law {
+                problems.has_law(index, spring, law, &self.laws);
+            }
+        }
+        for (law, fault) in self.laws.iter().map(SpringLaw::fault).enumerate() {
+            let problem = fault.map(|fault| Problem::Law { law, fault });
+            problems.0.extend(problem);
         }
         for (index, node) in self.nodes.iter().enumerate() {
             if !node.fixed && node.mass == 0.0 && !held[index] {
@@ -517,6 +198,37 @@ impl Problems {
         }
     }
 
+    fn has_law(&mut self, index: usize, spring: &Spring, law: usize, laws: &[SpringLaw]) {
+        let Some(found) = laws.get(law) else {
+            return self.0.push(Problem::NoSuchLaw {
+                spring: index,
+                law,
+                laws: laws.len(),
+            });
+        };
+        let Spring {
+            stiffness,
+            rest_length,
+            ..
+        } = *spring;
+        if !found.needs_rest_length() || found.fault().is_some() {
+            return;
+        }
+        if rest_length == 0.0 {
+            return self.0.push(Problem::NoStrain { spring: index });
+        }
+        let own = found.own_axial_stiffness();
+        if let Some(own) = own.map(|own| own / rest_length)
+            && (stiffness - own).abs() > SAME_STIFFNESS * own
+        {
+            self.0.push(Problem::OtherStiffness {
+                spring: index,
+                stiffness,
+                own,
+            });
+        }
+    }
+
     fn motion(&mut self, index: usize, motion: &PrescribedMotion) {
         let path = Path::Motion(index, None);
         match motion {
@@ -629,7 +341,7 @@ impl Problems {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Spring, Vector3};
+    use crate::Vector3;
 
     fn lines(scene: &Scene) -> Vec<String> {
         let line = |problem: &Problem| format!("{}: {problem}", problem.path());
@@ -660,6 +372,7 @@ mod tests {
             rest_length: -0.5,
             mass: 0.0,
             damping: f64::NAN,
+            law: None,
         };
         scene.springs.push(spring);
         scene.springs.push(Spring {

@@ -1,6 +1,6 @@
 //! Nodes, springs and the scene that holds them.
 
-use crate::{Displacement, Load, PrescribedMotion, Settings};
+use crate::{Displacement, Load, PrescribedMotion, Settings, SpringLaw};
 use nalgebra::Vector3;
 
 /// A point mass: three coordinates, the note's degrees of freedom.
@@ -97,7 +97,7 @@ impl Node {
 pub struct Spring {
     /// Indices of its two nodes, from 0.
     pub nodes: [usize; 2],
-    /// K, in N/m.
+    /// K, in N/m; with a law that gives tensions by itself, that at rest.
     pub stiffness: f64,
     /// l₀, in m.
     pub rest_length: f64,
@@ -105,6 +105,15 @@ pub struct Spring {
     pub mass: f64,
     /// Damping c of the dashpot along it, in N·s/m.
     pub damping: f64,
+    /// The index of its law among those of the scene; `None`: the linear one.
+    pub law: Option<usize>,
+}
+
+impl Spring {
+    /// Whether it has a force of its length.
+    pub fn is_elastic(&self) -> bool {
+        self.stiffness > 0.0 || self.law.is_some()
+    }
 }
 
 /// Rayleigh damping: the force −α m v on every free node, and a dashpot β K along every
@@ -128,6 +137,8 @@ pub struct Scene {
     pub nodes: Vec<Node>,
     /// Springs.
     pub springs: Vec<Spring>,
+    /// Laws that springs may have.
+    pub laws: Vec<SpringLaw>,
     /// Forces from outside.
     pub loads: Vec<Load>,
     /// Motions that fixed nodes may follow.
@@ -192,8 +203,19 @@ impl Scene {
             rest_length: self.distance(first, second),
             mass: 0.0,
             damping: 0.0,
+            law: None,
         });
         self.springs.len() - 1
+    }
+
+    /// Makes all springs `factor` times as stiff, whatever their laws.
+    pub fn scale_stiffness(&mut self, factor: f64) {
+        for spring in &mut self.springs {
+            spring.stiffness *= factor;
+        }
+        for law in &mut self.laws {
+            *law = law.times(factor);
+        }
     }
 
     /// Shares a total mass in kg over the springs in proportion to their rest
@@ -235,6 +257,26 @@ impl Scene {
     pub fn dashpot(&self, spring: usize) -> f64 {
         let spring = &self.springs[spring];
         spring.damping + self.damping.stiffness * spring.stiffness
+    }
+
+    /// The damping, in N·s/m, from which on the nodes of a spring would not swing about
+    /// each other if no other spring held them: 2√(K μ) with their reduced mass,
+    /// 1/μ = 1/m₁ + 1/m₂, where fixed nodes are infinitely heavy. `masses` are the
+    /// [masses of all nodes](Self::node_masses). Infinite if both are fixed.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such spring, or a node of it does not exist.
+    pub fn critical_damping(&self, spring: usize, masses: &[f64]) -> f64 {
+        let spring = &self.springs[spring];
+        let [a, b] = spring.nodes.map(|node| {
+            if self.nodes[node].fixed {
+                0.0
+            } else {
+                masses[node].recip()
+            }
+        });
+        2.0 * (spring.stiffness / (a + b)).sqrt()
     }
 
     /// Whether any spring has a dashpot.

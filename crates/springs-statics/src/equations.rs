@@ -204,7 +204,15 @@ impl<'a> Equations<'a> {
     /// The same where it may be anything.
     pub(crate) fn indefinite_solver(&self) -> Result<springs_solver::Indefinite, SolveError> {
         let (pairs, positions) = (self.system.pattern().pairs(), self.positions());
-        springs_solver::Indefinite::analyze(self.n_free(), pairs, Some(positions))
+        let mut solver =
+            springs_solver::Indefinite::analyze(self.n_free(), pairs, Some(positions))?;
+        // Slack cables have none of the stiffness that they may have.
+        let mut bounds = self.system.stiffness_bounds();
+        for bound in bounds.iter_mut().filter(|bound| !bound.is_finite()) {
+            *bound = 0.0;
+        }
+        solver.set_sizes(&bounds);
+        Ok(solver)
     }
 
     fn positions(&self) -> &[[f64; 3]] {

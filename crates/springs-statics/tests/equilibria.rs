@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use springs_scene::generate::{Material, block, cloth};
-use springs_scene::{Guide, Load, Node, OverTime, Scene, Spring};
+use springs_scene::{Guide, Load, Node, OverTime, Scene, Spring, SpringLaw};
 use springs_statics::{Equilibrium, Options, StaticsError, Status, settle};
 
 fn settled(scene: &Scene) -> Equilibrium {
@@ -19,6 +19,7 @@ fn spring(a: usize, b: usize, stiffness: f64, rest_length: f64) -> Spring {
         rest_length,
         mass: 0.1,
         damping: 0.0,
+        law: None,
     }
 }
 
@@ -373,4 +374,50 @@ fn any_number_of_threads_gives_the_same_bits() {
     let scene = cloth(20, Material::of_cloth());
     let of = |threads| settle(&scene, &Options::default().with_threads(threads)).unwrap();
     assert_eq!(of(1), of(4));
+}
+
+/// A weight on two cables that cannot push: one is too long, and a massless node is loose on
+/// it.
+#[test]
+fn slack_cables_carry_nothing_and_are_mechanisms() {
+    let mut scene = Scene {
+        gravity: Vector3::new(0.0, 0.0, -10.0),
+        laws: vec![SpringLaw::TensionOnly { blend: 1e-3 }],
+        ..Scene::default()
+    };
+    for x in [0.0, 1.0] {
+        scene.add_node(Node::fixed(Vector3::x() * x));
+    }
+    scene.add_node(Node {
+        mass: 3.0,
+        ..Node::at(Vector3::new(0.7, 0.0, 0.6))
+    });
+    let between = scene.add_node(Node::at(Vector3::new(0.9, 0.1, -0.2)));
+    for (a, b, rest_length) in [(0, 2, 1.0), (2, between, 0.9), (between, 1, 0.9)] {
+        scene.springs.push(Spring {
+            mass: 0.0,
+            law: Some(0),
+            ..spring(a, b, 1e5, rest_length)
+        });
+    }
+    let equilibrium = settle(&scene, &Options::default()).unwrap();
+    let weight = equilibrium.positions[2];
+    assert!(
+        (weight - Vector3::new(0.0, 0.0, -1.0003)).norm() < 1e-3,
+        "{weight:?}"
+    );
+    assert!((equilibrium.tensions[0] / 30.0 - 1.0).abs() < 1e-9);
+    assert!(
+        equilibrium.tensions[1..]
+            .iter()
+            .all(|tension| tension.abs() < 1e-6)
+    );
+    assert_eq!(
+        equilibrium.status,
+        Status::Mechanism {
+            nodes: vec![between]
+        }
+    );
+    // Along cables that are about to pull it may have some stiffness.
+    assert!(equilibrium.zero_pivots >= 2 && equilibrium.negative_pivots == 0);
 }

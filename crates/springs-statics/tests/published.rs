@@ -20,6 +20,7 @@ fn spring(a: usize, b: usize, stiffness: f64, rest_length: f64) -> Spring {
         rest_length,
         mass: 0.0,
         damping: 0.0,
+        law: None,
     }
 }
 

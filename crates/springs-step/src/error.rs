@@ -66,6 +66,10 @@ impl SetupError {
                 spring: springs[spring],
                 method,
             },
+            Self::Scene(CompileError::Law { spring, source }) => Self::Scene(CompileError::Law {
+                spring: springs[spring],
+                source,
+            }),
             other => other,
         }
     }
@@ -74,6 +78,9 @@ impl SetupError {
     pub fn path(&self) -> Option<Path> {
         match self {
             Self::Scene(CompileError::Problems(problems)) => Some(problems[0].path()),
+            Self::Scene(CompileError::Law { spring, .. }) => {
+                Some(Path::Spring(*spring, Some("law")))
+            }
             Self::Massless { node, .. } => Some(Path::Node(*node, None)),
             Self::NoTangent { .. } => Some(Path::Simulation("tangent")),
             Self::NotSettled => Some(Path::Simulation("start")),

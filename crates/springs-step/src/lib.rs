@@ -36,6 +36,7 @@ mod work;
 
 pub use anchors::Anchors;
 pub use control::choice::{Choice, Pace};
+pub use control::costs::CostModel;
 pub use control::plan::StepPlan;
 pub use error::{Cause, MethodError, SetupError, StepError, Suspect};
 pub use flows::Flows;
@@ -52,6 +53,7 @@ pub use method::rodas4::Rodas4;
 pub use method::splitting::Splitting;
 pub use method::table::{Properties, ToleranceKind, methods, properties};
 pub use method::tr_bdf2::TrBdf2;
+pub use method::verlet_pairs::VerletPairs;
 pub use method::{ErrorEstimate, Interval, Method};
 pub use run::dense_output::interpolate;
 pub use run::islands::Islands;

@@ -6,6 +6,7 @@ use super::{Ending, print};
 use anyhow::Context as _;
 use springs::assembly::System;
 use springs::inspect::{Saving, count, skipped, suspicious};
+use springs::materials;
 use springs::proportions::OwnWeight;
 use springs::scene::{Method, Scene, Start, StepControl, printable};
 use springs::step::{Islands, Pace, solver_memory};
@@ -25,7 +26,8 @@ pub(crate) fn check(arguments: &CheckArguments) -> anyhow::Result<Ending> {
     let islands =
         Islands::with_options(scene, &source.options).map_err(|error| source.advised(&error))?;
     let skipped = skipped(scene, &islands);
-    let suspicious = suspicious(scene, &islands);
+    let mut suspicious = suspicious(scene, &islands);
+    suspicious.extend(materials::suspicious(scene, &source.inputs));
     let largest = islands.largest().simulation();
     let choice = largest.choice();
     let systems = || {
@@ -67,6 +69,9 @@ pub(crate) fn check(arguments: &CheckArguments) -> anyhow::Result<Ending> {
         count(scene.springs.len(), "spring"),
         damped.count()
     )?;
+    for line in materials::ranges(scene, &source.inputs, short) {
+        writeln!(text, "    {line}")?;
+    }
     writeln!(
         text,
         "  {} kg free to move, {} m from corner to corner",

@@ -2,7 +2,7 @@
 
 use super::Advised;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use springs::io::{Finding, SceneError, parse_scene, read_text};
+use springs::io::{Finding, Inputs, SceneError, parse_scene_with_inputs, read_text};
 use springs::scene::{
     LinearTolerance, Method, Path as ScenePath, RunOptions, Scene, StepControl, Tangent,
 };
@@ -222,6 +222,8 @@ pub(crate) fn default_intervals(scene: &Scene) -> usize {
 pub(crate) struct Source {
     pub(crate) scene: Scene,
     pub(crate) options: RunOptions,
+    /// How the file gives its springs.
+    pub(crate) inputs: Inputs,
     file: String,
     text: String,
     /// Fields of `simulation` that come from the command line.
@@ -254,10 +256,11 @@ impl Source {
             }
         };
         let text = text.map_err(advised)?;
-        let (scene, options) = parse_scene(&file, &text).map_err(advised)?;
+        let (scene, options, inputs) = parse_scene_with_inputs(&file, &text).map_err(advised)?;
         Ok(Self {
             scene,
             options,
+            inputs,
             file,
             text,
             replaced: Vec::new(),

@@ -129,9 +129,7 @@ fn fill(
                     return Ok(());
                 }
                 let mut case = case.clone();
-                for spring in &mut case.scene.springs {
-                    spring.stiffness *= stiffness_factor;
-                }
+                case.scene.scale_stiffness(stiffness_factor);
                 let supervised = clock.supervise(1.0, |interrupt| fate(&case, interrupt))?;
                 map.interrupted |= supervised.is_interrupted;
                 let Some(fate) = supervised.result else {

@@ -44,6 +44,8 @@ pub struct Indefinite {
     upper: Upper,
     /// By front, children first.
     parts: Vec<Part>,
+    /// What diagonal blocks may come to.
+    sizes: Vec<f64>,
     /// What the entries of every block row and column were multiplied with.
     scales: Vec<f64>,
     /// Where scalars are in the front at work.
@@ -73,8 +75,8 @@ struct Update {
 
 impl Indefinite {
     /// Pivots count as zero up to this, where every block of the diagonal is scaled
-    /// such that its largest entry is one: of a node with springs of stiffness K, up to
-    /// about 1e-11 K.
+    /// such that its largest entry, or its [size](Self::set_sizes) if that is larger, is one:
+    /// of a node with springs of stiffness K, up to about 1e-11 K.
     pub const ZERO: f64 = 1e-11;
 
     /// Orders and factorizes symbolically, as [`Solver::analyze`](crate::Solver::analyze).
@@ -100,10 +102,22 @@ impl Indefinite {
             order: elimination.order,
             upper: Upper::new(pairs),
             parts: Vec::new(),
+            sizes: vec![0.0; n_blocks],
             scales: vec![1.0; n_blocks],
             position: vec![0; 3 * n_blocks],
             has_matrix: false,
         })
+    }
+
+    /// What the diagonal blocks may come to, where that is more than what they are: so that
+    /// what is left of something large counts as zero.
+    ///
+    /// # Panics
+    ///
+    /// If there is not one size for each block row.
+    pub fn set_sizes(&mut self, sizes: &[f64]) {
+        assert_eq!(sizes.len(), self.n_blocks, "one size per row");
+        self.sizes.copy_from_slice(sizes);
     }
 
     /// Factorizes the matrix with the given blocks.
@@ -140,13 +154,14 @@ impl Indefinite {
     }
 
     fn set_scales(&mut self, diagonal: &[[f64; 6]]) -> Result<(), SolveError> {
-        for (block, (scale, entries)) in self.scales.iter_mut().zip(diagonal).enumerate() {
+        let with_sizes = self.scales.iter_mut().zip(&self.sizes);
+        for (block, ((scale, size), entries)) in with_sizes.zip(diagonal).enumerate() {
             if entries.iter().any(|entry| !entry.is_finite()) {
                 return Err(SolveError::NotPositiveDefinite { block });
             }
             let largest = entries
                 .iter()
-                .fold(0.0f64, |most, entry| most.max(entry.abs()));
+                .fold(*size, |most: f64, entry| most.max(entry.abs()));
             *scale = if largest > 0.0 {
                 1.0 / largest.sqrt()
             } else {

@@ -3,9 +3,9 @@
 mod trial;
 
 use crate::control::controller::{Controller, Schedule};
-use crate::control::costs::Costs;
+use crate::control::costs::CostModel;
 use crate::control::trials::{Abandoned, EqualSteps, Trials, Unsettled, equal_steps};
-use crate::method::table::{Cost, Properties, methods};
+use crate::method::table::{Properties, methods};
 use crate::work::Counts;
 use crate::{Anchors, Choice, HiddenState, Method, SetupError, State, StepPlan};
 use springs_assembly::System;
@@ -28,7 +28,7 @@ use trial::{Task, Trial};
 pub(crate) struct Auto {
     candidates: Vec<Candidate>,
     current: usize,
-    costs: Costs,
+    costs: CostModel,
     /// Cost of steps since the last review, the time they covered in s, and the
     /// cost of that review.
     spent: f64,
@@ -101,13 +101,9 @@ impl Auto {
     /// The candidates for a scene.
     pub(crate) fn new(scene: &Scene, system: &System, choice: &Choice) -> Self {
         let fastest = system.frequency_bound().max(system.damping_rate_bound());
-        let costs = Costs::of(system);
-        let n_nodes = system.n_free() as f64;
+        let costs = CostModel::without_fill(system);
         let candidate = |row: &Properties| {
-            let Cost {
-                evaluations,
-                per_node,
-            } = row.cost?;
+            let evaluations = row.tried_evaluations?;
             let can_move = row.can_move(scene, system).is_ok();
             can_move.then(|| Candidate {
                 choice: Choice {
@@ -118,7 +114,7 @@ impl Auto {
                     .stable_angle
                     .map_or(f64::INFINITY, |angle| angle / fastest),
                 evaluations,
-                evaluation: costs.force + per_node * n_nodes,
+                evaluation: costs.evaluation(row.node_cost),
                 idle: None,
             })
         };
@@ -270,7 +266,7 @@ impl Auto {
         {
             return Ok(None);
         }
-        let step = self.costs.step_with_matrix();
+        let step = self.costs.step_with_matrix() + self.costs.attempt();
         if self.costs.analysis + fewest * step > budget {
             return Ok(None);
         }
@@ -342,7 +338,7 @@ impl Auto {
     /// Takes note of a step of size `h` that did `counts`.
     pub(crate) fn record(&mut self, h: f64, counts: Counts) {
         let evaluation = self.candidates[self.current].evaluation;
-        self.spent += self.costs.of_counts(&counts, evaluation);
+        self.spent += self.costs.of_counts(&counts, evaluation) + self.costs.of_attempts(&counts);
         self.covered += h;
         self.step_size = h;
     }

@@ -1,16 +1,22 @@
-//! What methods cost, counted in advance and afterwards.
+//! What methods cost, counted in advance and afterwards; the only place where the
+//! operations of a step have prices, beside the solver's [`Price`].
 
 use crate::implicit::solver_options;
+use crate::method::table::properties;
 use crate::{Counts, SetupError};
 use springs_assembly::System;
+use springs_scene::Method;
 use springs_solver::Price;
 
 /// Factorizations of an attempt with an implicit method, usually.
 const USUAL_FACTORIZATIONS: f64 = 10.0;
 
-/// Cost of each operation in ns, roughly; only their ratios matter.
-pub(super) struct Costs {
-    pub(super) force: f64,
+/// What each operation of a step costs with one thread, in ns, roughly: `Auto`
+/// compares methods by it. Only ratios matter.
+#[derive(Clone, Debug)]
+pub struct CostModel {
+    force: f64,
+    n_nodes: f64,
     linearization: f64,
     pub(super) analysis: f64,
     /// As little as it can be, until it is known.
@@ -22,13 +28,33 @@ pub(super) struct Costs {
 /// Iterations of a solution, where it takes any.
 const USUAL_ITERATIONS: f64 = 20.0;
 
-impl Costs {
-    pub(super) fn of(system: &System) -> Self {
+impl CostModel {
+    /// Of a system; what its matrices cost is known in full.
+    ///
+    /// # Errors
+    ///
+    /// If a factor cannot be planned.
+    pub fn new(system: &System) -> Result<Self, SetupError> {
+        let mut model = Self::without_fill(system);
+        model.learn_system(system)?;
+        Ok(model)
+    }
+
+    /// What a run that counted so much cost, in ns; `None` for `Auto`, which is no
+    /// method.
+    pub fn of_run(&self, method: Method, counts: &Counts) -> Option<f64> {
+        let evaluation = self.evaluation(properties(method)?.node_cost);
+        Some(self.of_counts(counts, evaluation) + self.of_attempts(counts))
+    }
+
+    /// As little as it can be, until the system is [learnt](Self::learn_system).
+    pub(super) fn without_fill(system: &System) -> Self {
         let springs = system.n_terms() as f64;
         let nodes = system.n_free() as f64;
         let pairs = system.pattern().pairs().len() as f64;
         let entries = 6.0 * nodes + 9.0 * pairs;
         Self {
+            n_nodes: nodes,
             force: 40.0 + 4.2 * springs + 2.0 * nodes,
             linearization: 100.0 + 15.0 * springs + 10.0 * nodes,
             analysis: 5e3 + 500.0 * nodes + 150.0 * pairs,
@@ -36,6 +62,11 @@ impl Costs {
             without_fill: Price::with_factor(entries, 0.0),
             is_system_known: false,
         }
+    }
+
+    /// An evaluation of forces with what a method does per node.
+    pub(super) fn evaluation(&self, node_cost: f64) -> f64 {
+        self.force + node_cost * self.n_nodes
     }
 
     pub(super) fn forget_system(&mut self) {
@@ -64,7 +95,18 @@ impl Costs {
         USUAL_FACTORIZATIONS * self.step_with_matrix()
     }
 
-    /// What was counted, with `evaluation` for each evaluation of forces alone.
+    /// Steps, made or thrown away, apart from what they counted: copies of the state, the
+    /// weighing of errors, the ledger.
+    pub(super) fn of_attempts(&self, counts: &Counts) -> f64 {
+        (counts.steps + counts.rejected_steps) as f64 * self.attempt()
+    }
+
+    /// The same for one of them.
+    pub(super) fn attempt(&self) -> f64 {
+        300.0 + 12.0 * self.n_nodes
+    }
+
+    /// What was counted, apart from steps, with `evaluation` for each evaluation of forces alone.
     pub(super) fn of_counts(&self, counts: &Counts, evaluation: f64) -> f64 {
         let linearizations = counts.linearizations;
         let forces = counts.force_evaluations.saturating_sub(linearizations);

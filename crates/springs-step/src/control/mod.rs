@@ -5,6 +5,6 @@ pub(crate) mod auto;
 pub(crate) mod choice;
 pub(crate) mod choose;
 pub(crate) mod controller;
-mod costs;
+pub(crate) mod costs;
 pub(crate) mod plan;
 pub(crate) mod trials;

@@ -111,7 +111,11 @@ pub(crate) fn is_isotropic(system: &System, hessian: Hessian) -> bool {
 
 pub(crate) fn reduced(system: &System, hessian: Hessian) -> Reduced {
     match system.motion() {
-        Motion::Line(_) if !is_across_in_doubt(system, hessian) => Reduced::Line,
+        Motion::Line(_)
+            if system.is_constant_along_lines() && !is_across_in_doubt(system, hessian) =>
+        {
+            Reduced::Line
+        }
         _ if is_isotropic(system, hessian) => Reduced::Isotropic,
         _ => Reduced::Whole,
     }

@@ -126,9 +126,11 @@ impl Method for Dop853 {
         } else {
             let first = &mut self.accelerations[0];
             accelerate(system, interval.start, state, first, work);
-            self.last_acceleration
-                .copy_from_slice(&self.accelerations[0]);
-            self.acceleration_is_known = true;
+            // One that overflows fails the step, and is not kept.
+            self.acceleration_is_known = first.iter().flatten().all(|a| a.is_finite());
+            if self.acceleration_is_known {
+                self.last_acceleration.copy_from_slice(first);
+            }
         }
         self.flows = flows_of(0, interval, system, state);
         self.velocities[0].copy_from_slice(&state.v);

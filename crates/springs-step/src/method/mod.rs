@@ -10,6 +10,8 @@ pub(crate) mod rodas4;
 pub(crate) mod splitting;
 pub(crate) mod table;
 pub(crate) mod tr_bdf2;
+pub(crate) mod verlet_pairs;
+pub(crate) mod weighing;
 
 use crate::{Anchors, Flows, HiddenState, MethodError, State, Work};
 use nalgebra::Vector3;

@@ -19,6 +19,8 @@ pub struct Splitting {
     order: u32,
     kicks: Vec<f64>,
     drifts: Vec<f64>,
+    /// At the start of the step before, at the start of the step, and at its end.
+    last_accelerations: Vec<Vector3<f64>>,
     accelerations: Vec<Vector3<f64>>,
     next_accelerations: Vec<Vector3<f64>>,
     /// Velocities that the dashpots see, now and at the start of the step; empty
@@ -27,7 +29,7 @@ pub struct Splitting {
     seen_at_start: Vec<Vector3<f64>>,
     accelerations_are_known: bool,
     impulses: Impulses,
-    flows: Flows,
+    pub(crate) flows: Flows,
 }
 
 impl Splitting {
@@ -101,6 +103,7 @@ impl Splitting {
             order,
             kicks: mirror(kicks, !middle_is_drift),
             drifts: mirror(drifts, middle_is_drift),
+            last_accelerations: vec![Vector3::zeros(); system.n_free()],
             accelerations: vec![Vector3::zeros(); system.n_free()],
             next_accelerations: vec![Vector3::zeros(); system.n_free()],
             seen_at_start: seen.clone(),
@@ -109,6 +112,21 @@ impl Splitting {
             impulses: Impulses::new(system),
             flows: Flows::default(),
         }
+    }
+
+    /// The last accepted step is taken back; without dashpots only.
+    pub(crate) fn go_back(&mut self) {
+        std::mem::swap(&mut self.accelerations, &mut self.last_accelerations);
+    }
+
+    /// Accelerations at the start and at the end of the last accepted step, and at the
+    /// end of the one made since, in m/s².
+    pub(crate) fn last_accelerations(&self) -> [&[Vector3<f64>]; 3] {
+        [
+            &self.last_accelerations,
+            &self.accelerations,
+            &self.next_accelerations,
+        ]
     }
 
     fn accelerate(
@@ -204,11 +222,13 @@ impl Method for Splitting {
 
     fn visit(&mut self, state: &mut HiddenState) {
         state.flag(&mut self.accelerations_are_known);
+        state.vectors(&mut self.last_accelerations);
         state.vectors(&mut self.accelerations);
         state.vectors(&mut self.seen_at_start);
     }
 
     fn accept(&mut self) {
+        std::mem::swap(&mut self.last_accelerations, &mut self.accelerations);
         std::mem::swap(&mut self.accelerations, &mut self.next_accelerations);
         std::mem::swap(&mut self.seen_at_start, &mut self.seen);
     }

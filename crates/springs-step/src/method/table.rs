@@ -3,7 +3,7 @@
 use crate::implicit::solver_options::Hessian;
 use crate::{
     Choice, Dop853, Doubling, FilteredLeapfrog, ImplicitEuler, ImplicitMidpoint,
-    LinearlyImplicitEuler, Method, Pace, Rodas4, SetupError, Splitting, TrBdf2,
+    LinearlyImplicitEuler, Method, Pace, Rodas4, SetupError, Splitting, TrBdf2, VerletPairs,
 };
 use springs_assembly::System;
 use springs_scene::{self as scene, Scene, Tangent};
@@ -33,8 +33,11 @@ pub struct Properties {
     /// Whether comparisons run it in steps of fixed size, as most users do, and not
     /// with tolerances.
     pub is_compared_by_steps: bool,
-    /// What it costs `Auto`, which tries it if it is known.
-    pub(crate) cost: Option<Cost>,
+    /// `Auto` tries it: evaluations of forces that an attempt takes, for a whole step and
+    /// two halves where there is no estimate of its own; 0 with a matrix.
+    pub(crate) tried_evaluations: Option<f64>,
+    /// What an explicit method itself does per node and evaluation, in ns.
+    pub(crate) node_cost: f64,
     /// What its matrix has, if there is one.
     hessian: fn(Option<Tangent>) -> Option<Hessian>,
     build: Build,
@@ -56,38 +59,32 @@ pub enum ToleranceKind {
     EqualSteps,
 }
 
-/// What an attempted step costs.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Cost {
-    /// Evaluations of forces of an explicit method, for a whole step and two halves
-    /// where there is no estimate of its own; 0 with a matrix.
-    pub(crate) evaluations: f64,
-    /// What the method itself does per node and evaluation, in ns.
-    pub(crate) per_node: f64,
-}
-
 /// In the order in which `Auto` tries them. RODAS4 is not among those: from rest it
 /// promises steps that it does not keep.
 static TABLE: [Properties; 10] = [
     Properties {
         order: 8,
         stable_angle: Some(5.9),
-        cost: Some(Cost {
-            evaluations: 12.0,
-            per_node: 18.0,
-        }),
+        tried_evaluations: Some(12.0),
+        node_cost: 18.0,
         build: |system, _| Ok(Box::new(Dop853::new(system))),
         ..explicit(scene::Method::Dop853)
     },
     Properties {
         stable_angle: Some(2.0),
-        tolerance: ToleranceKind::Doubling,
         is_compared_by_steps: true,
-        cost: Some(Cost {
-            evaluations: 3.0,
-            per_node: 3.0,
-        }),
-        build: |system, _| Ok(Box::new(Splitting::velocity_verlet(system))),
+        tried_evaluations: Some(3.0),
+        node_cost: 3.0,
+        build: |system, choice| {
+            Ok(match choice.pace {
+                Pace::Tolerance(_) if !system.is_damped() => Box::new(VerletPairs::new(system)),
+                Pace::Tolerance(_) => {
+                    let verlet = Box::new(Splitting::velocity_verlet(system));
+                    Box::new(Doubling::new(system, verlet))
+                }
+                Pace::Fixed(_) => Box::new(Splitting::velocity_verlet(system)),
+            })
+        },
         ..explicit(scene::Method::VelocityVerlet)
     },
     Properties {
@@ -96,10 +93,8 @@ static TABLE: [Properties; 10] = [
         stable_angle: Some(5.0),
         tolerance: ToleranceKind::Doubling,
         is_compared_by_steps: true,
-        cost: Some(Cost {
-            evaluations: 18.0,
-            per_node: 3.0,
-        }),
+        tried_evaluations: Some(18.0),
+        node_cost: 3.0,
         build: |system, _| Ok(Box::new(Splitting::blanes_moan_4(system))),
         ..explicit(scene::Method::BlanesMoan4)
     },
@@ -109,18 +104,13 @@ static TABLE: [Properties; 10] = [
         stable_angle: Some(9.0),
         tolerance: ToleranceKind::Doubling,
         is_compared_by_steps: true,
-        cost: Some(Cost {
-            evaluations: 33.0,
-            per_node: 3.0,
-        }),
+        tried_evaluations: Some(33.0),
+        node_cost: 3.0,
         build: |system, _| Ok(Box::new(Splitting::blanes_moan_6(system))),
         ..explicit(scene::Method::BlanesMoan6)
     },
     Properties {
-        cost: Some(Cost {
-            evaluations: 0.0,
-            per_node: 0.0,
-        }),
+        tried_evaluations: Some(0.0),
         build: |system, choice| {
             let method = TrBdf2::new(system, &choice.options)?;
             Ok(Box::new(match choice.pace {
@@ -186,7 +176,8 @@ const fn implicit(method: scene::Method) -> Properties {
         tolerance: ToleranceKind::Estimate,
         keeps_step: false,
         is_compared_by_steps: false,
-        cost: None,
+        tried_evaluations: None,
+        node_cost: 0.0,
         hessian: |_| Some(Hessian::Exact),
         build: |_, _| unreachable!(),
     }

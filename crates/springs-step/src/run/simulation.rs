@@ -284,6 +284,11 @@ impl Simulation {
         &self.nodes
     }
 
+    /// The compiled scene.
+    pub fn system(&self) -> &System {
+        self.stepper.system()
+    }
+
     /// What was done so far, trial runs aside.
     pub fn work(&self) -> Work {
         self.work

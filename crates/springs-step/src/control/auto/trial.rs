@@ -139,7 +139,8 @@ impl Auto {
             });
             trials.work += work;
             trials.step()?;
-            let cost = self.costs.of_counts(&work.counts, candidate.evaluation);
+            let counted = self.costs.of_counts(&work.counts, candidate.evaluation);
+            let cost = counted + self.costs.attempt();
             total += cost;
             let suits = match estimate {
                 Some(estimate) => controller.suitable(h, estimate).min(longest),

@@ -1,0 +1,110 @@
+//! From the laws of a scene to those that are computed with.
+
+use crate::{CompileError, SpringBetween, Springs};
+use springs_math::dashpot::Fading;
+use springs_math::law::{
+    Bilinear, CompressionOnly, Law, Point, Polynomial, Power, StrainLimit, Table, TableError,
+    TensionOnly,
+};
+use springs_math::spring;
+use springs_scene::{Scene, Spring, SpringLaw};
+
+/// The springs of a scene that have a law beside the linear one. None of them are merged.
+pub(crate) fn springs_with_laws(scene: &Scene) -> Result<Springs<Law>, CompileError> {
+    let mut tables: Vec<Option<Table>> = vec![None; scene.laws.len()];
+    let (mut index, mut springs) = (Vec::new(), Vec::new());
+    for (place, spring) in scene.springs.iter().enumerate() {
+        let Some(law) = spring.law else {
+            continue;
+        };
+        let law = law_of(spring, &scene.laws[law], &mut tables[law]);
+        index.push(place);
+        springs.push(SpringBetween {
+            nodes: spring.nodes,
+            law: law.map_err(|source| CompileError::Law {
+                spring: place,
+                source,
+            })?,
+        });
+    }
+    Ok(Springs::with_index("springs with laws", &springs, index))
+}
+
+/// The law of a spring; tables of one law share their curve, which is kept in `table`.
+fn law_of(spring: &Spring, law: &SpringLaw, table: &mut Option<Table>) -> Result<Law, TableError> {
+    let Spring {
+        stiffness,
+        rest_length,
+        ..
+    } = *spring;
+    Ok(match *law {
+        SpringLaw::TensionOnly { blend } => Law::TensionOnly(TensionOnly {
+            stiffness,
+            rest_length,
+            blend,
+        }),
+        SpringLaw::CompressionOnly { blend } => Law::CompressionOnly(CompressionOnly {
+            stiffness,
+            rest_length,
+            blend,
+        }),
+        SpringLaw::Bilinear { compression, blend } => Law::Bilinear(Bilinear {
+            stiffness,
+            compression,
+            rest_length,
+            blend,
+        }),
+        SpringLaw::Limit {
+            strain,
+            stiffness: more,
+            blend,
+        } => Law::StrainLimit(StrainLimit {
+            spring: spring::Spring {
+                stiffness,
+                rest_length,
+            },
+            strain,
+            stiffness: more,
+            blend,
+        }),
+        SpringLaw::Power { exponent } => Law::Power(Power {
+            stiffness,
+            exponent,
+            rest_length,
+        }),
+        SpringLaw::Polynomial(ref coefficients) => Law::Polynomial(Polynomial {
+            coefficients: coefficients.to_vec(),
+            rest_length,
+        }),
+        SpringLaw::Table(ref points) => {
+            let shared = match table {
+                Some(shared) => shared,
+                None => table.insert(curve(points)?),
+            };
+            Law::Table(shared.with_rest_length(rest_length)?)
+        }
+    })
+}
+
+fn curve(points: &[[f64; 2]]) -> Result<Table, TableError> {
+    let points = points.iter();
+    let points = points.map(|&[strain, tension]| Point { strain, tension });
+    Table::new(&points.collect::<Vec<_>>(), 1.0)
+}
+
+/// Where the dashpot of a spring acts: only where the spring does, if that pulls or
+/// pushes only.
+pub(crate) fn fading(scene: &Scene, spring: usize) -> Fading {
+    let spring = &scene.springs[spring];
+    match spring.law.map(|law| &scene.laws[law]) {
+        Some(&SpringLaw::TensionOnly { blend }) => Fading::Below {
+            length: spring.rest_length,
+            width: blend * spring.rest_length,
+        },
+        Some(&SpringLaw::CompressionOnly { blend }) => Fading::Above {
+            length: spring.rest_length,
+            width: blend * spring.rest_length,
+        },
+        _ => Fading::Nowhere,
+    }
+}

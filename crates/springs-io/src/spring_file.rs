@@ -1,0 +1,202 @@
+//! Springs, materials and laws of the scene file, field by field.
+
+use crate::scene_file::{List, NodeIndex, Real, Tuple};
+use serde::Deserialize;
+use springs_scene::SpringLaw;
+
+/// A spring. What most scenes do without is apart, so that they pay nothing for it.
+#[derive(Deserialize)]
+#[serde(from = "SpringFields")]
+pub(crate) struct SpringEntry {
+    pub(crate) nodes: [usize; 2],
+    pub(crate) stiffness: Option<f64>,
+    pub(crate) rest_length: Option<f64>,
+    pub(crate) mass: Option<f64>,
+    pub(crate) damping: Option<f64>,
+    pub(crate) more: Option<Box<More>>,
+}
+
+/// What else a spring may have.
+#[derive(Default)]
+pub(crate) struct More {
+    pub(crate) material: Option<String>,
+    pub(crate) pretension: Option<f64>,
+    pub(crate) prestrain: Option<f64>,
+    pub(crate) force_density: Option<f64>,
+    pub(crate) properties: MaterialEntry,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, rename = "Spring")]
+struct SpringFields {
+    nodes: Tuple<2, NodeIndex>,
+    stiffness: Option<Real>,
+    rest_length: Option<Real>,
+    mass: Option<Real>,
+    damping: Option<Real>,
+    material: Option<String>,
+    pretension: Option<Real>,
+    prestrain: Option<Real>,
+    force_density: Option<Real>,
+    #[serde(rename = "EA")]
+    axial_stiffness: Option<Real>,
+    #[serde(rename = "E")]
+    modulus: Option<Real>,
+    area: Option<Real>,
+    diameter: Option<Real>,
+    mass_per_length: Option<Real>,
+    density: Option<Real>,
+    damping_ratio: Option<Real>,
+    law: Option<LawEntry>,
+}
+
+impl From<SpringFields> for SpringEntry {
+    fn from(fields: SpringFields) -> Self {
+        let number = |real: Option<Real>| real.map(|real| real.0);
+        let SpringFields {
+            nodes,
+            stiffness,
+            rest_length,
+            mass,
+            damping,
+            material,
+            pretension,
+            prestrain,
+            force_density,
+            axial_stiffness,
+            modulus,
+            area,
+            diameter,
+            mass_per_length,
+            density,
+            damping_ratio,
+            law,
+        } = fields;
+        let numbers = [
+            pretension,
+            prestrain,
+            force_density,
+            axial_stiffness,
+            modulus,
+            area,
+            diameter,
+            mass_per_length,
+            density,
+            damping_ratio,
+        ];
+        let has_more = material.is_some() || law.is_some() || numbers.iter().any(Option::is_some);
+        let more = has_more.then(|| {
+            Box::new(More {
+                material,
+                pretension: number(pretension),
+                prestrain: number(prestrain),
+                force_density: number(force_density),
+                properties: MaterialEntry {
+                    axial_stiffness,
+                    modulus,
+                    area,
+                    diameter,
+                    mass_per_length,
+                    density,
+                    damping: None,
+                    damping_ratio,
+                    law,
+                },
+            })
+        });
+        Self {
+            nodes: nodes.0.map(|index| index.0),
+            stiffness: number(stiffness),
+            rest_length: number(rest_length),
+            mass: number(mass),
+            damping: number(damping),
+            more,
+        }
+    }
+}
+
+/// What springs have in common.
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields, rename = "Material")]
+pub(crate) struct MaterialEntry {
+    #[serde(rename = "EA")]
+    pub(crate) axial_stiffness: Option<Real>,
+    #[serde(rename = "E")]
+    pub(crate) modulus: Option<Real>,
+    pub(crate) area: Option<Real>,
+    pub(crate) diameter: Option<Real>,
+    pub(crate) mass_per_length: Option<Real>,
+    pub(crate) density: Option<Real>,
+    pub(crate) damping: Option<Real>,
+    pub(crate) damping_ratio: Option<Real>,
+    pub(crate) law: Option<LawEntry>,
+}
+
+#[derive(Clone, Deserialize)]
+#[serde(deny_unknown_fields, rename = "Law")]
+pub(crate) enum LawEntry {
+    Linear,
+    TensionOnly {
+        blend: Option<Real>,
+    },
+    CompressionOnly {
+        blend: Option<Real>,
+    },
+    Bilinear {
+        compression: Real,
+        blend: Option<Real>,
+    },
+    Polynomial(List<Real>),
+    Table(List<Tuple<2, Real>>),
+    Limit {
+        strain: Real,
+        stiffness: Real,
+        blend: Option<Real>,
+    },
+    Power {
+        exponent: Real,
+    },
+}
+
+impl LawEntry {
+    /// `None` for the linear one.
+    pub(crate) fn law(&self) -> Option<SpringLaw> {
+        let blend = |given: &Option<Real>| given.map_or(SpringLaw::BLEND, |real| real.0);
+        Some(match self {
+            Self::Linear => return None,
+            Self::TensionOnly { blend: given } => SpringLaw::TensionOnly {
+                blend: blend(given),
+            },
+            Self::CompressionOnly { blend: given } => SpringLaw::CompressionOnly {
+                blend: blend(given),
+            },
+            Self::Bilinear {
+                compression,
+                blend: given,
+            } => SpringLaw::Bilinear {
+                compression: compression.0,
+                blend: blend(given),
+            },
+            Self::Limit {
+                strain,
+                stiffness,
+                blend: given,
+            } => SpringLaw::Limit {
+                strain: strain.0,
+                stiffness: stiffness.0,
+                blend: blend(given),
+            },
+            Self::Power { exponent } => SpringLaw::Power {
+                exponent: exponent.0,
+            },
+            Self::Polynomial(coefficients) => {
+                let coefficients = coefficients.0.iter();
+                SpringLaw::Polynomial(coefficients.map(|real| real.0).collect())
+            }
+            Self::Table(points) => {
+                let points = points.0.iter();
+                SpringLaw::Table(points.map(|point| point.0.map(|real| real.0)).collect())
+            }
+        })
+    }
+}

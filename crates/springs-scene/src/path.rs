@@ -1,0 +1,70 @@
+//! Places in a scene.
+
+use std::fmt;
+
+/// A place in a scene: `nodes[2].mass`, `gravity`, `simulation.step`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Path {
+    /// A field of the scene itself.
+    Scene(&'static str),
+    /// A field of the simulation settings.
+    Simulation(&'static str),
+    /// A field of the damping of all springs and nodes.
+    Damping(&'static str),
+    /// A field of a node, or the whole node.
+    Node(usize, Option<&'static str>),
+    /// A field of a spring, or the whole spring.
+    Spring(usize, Option<&'static str>),
+    /// A field of a load, or the whole load.
+    Load(usize, Option<&'static str>),
+    /// A field of a motion, or the whole motion.
+    Motion(usize, Option<&'static str>),
+    /// A law of springs.
+    Law(usize),
+    /// A field of a material of a scene file, or the whole material.
+    Material(usize, Option<&'static str>),
+    /// A group of nodes of a scene file.
+    Group(usize),
+}
+
+impl fmt::Display for Path {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (list, index, field) = match *self {
+            Self::Scene(field) => return f.write_str(field),
+            Self::Simulation(field) => return write!(f, "simulation.{field}"),
+            Self::Damping(field) => return write!(f, "damping.{field}"),
+            Self::Node(index, field) => ("nodes", index, field),
+            Self::Spring(index, field) => ("springs", index, field),
+            Self::Load(index, field) => ("loads", index, field),
+            Self::Motion(index, field) => ("motions", index, field),
+            Self::Law(index) => ("laws", index, None),
+            Self::Material(index, field) => ("materials", index, field),
+            Self::Group(index) => ("groups", index, None),
+        };
+        write!(f, "{list}[{index}]")?;
+        field.map_or(Ok(()), |field| write!(f, ".{field}"))
+    }
+}
+
+/// "the stiffness of spring 3 ".
+pub(crate) fn subject(path: &Path) -> String {
+    match *path {
+        Path::Scene(field) => format!("{field} "),
+        Path::Simulation(field) => format!("the simulation's {field} "),
+        Path::Damping(field) => format!("the {field} part of the damping "),
+        Path::Node(index, field) => of("node", index, field),
+        Path::Spring(index, field) => of("spring", index, field),
+        Path::Load(index, field) => of("load", index, field),
+        Path::Motion(index, field) => of("motion", index, field),
+        Path::Law(index) => of("law", index, None),
+        Path::Material(index, field) => of("material", index, field),
+        Path::Group(index) => of("group", index, None),
+    }
+}
+
+fn of(what: &str, index: usize, field: Option<&str>) -> String {
+    match field {
+        Some(field) => format!("the {} of {what} {index} ", field.replace('_', " ")),
+        None => format!("{what} {index} "),
+    }
+}

@@ -1,0 +1,180 @@
+//! Weighing errors of positions and velocities that a step twice as long tells.
+
+use crate::implicit::response::Response;
+use crate::method::time_scale;
+use crate::vectors::{largest, spread};
+use crate::{ErrorEstimate, HiddenState, Method, State, Work};
+use nalgebra::Vector3;
+use springs_assembly::System;
+
+/// The errors e_x of positions and e_v of velocities of two halves of a step, from
+/// how far they are from the whole of it, and what they add to the error at the end.
+///
+/// An error of velocities moves positions by no more than e_v/ω in a vibration
+/// of frequency ω, and by T e_v in free motion, where T is the time in which the
+/// motion itself changes. As in [`crate::TrBdf2`] both are met by
+///
+///   w = (M + TD + T²S)⁻¹ T²M e_v,
+///
+/// and a step adds ‖e_x‖ + (‖e_v‖·‖w‖)^½ to the error of positions. That is no
+/// more than ‖e_x‖ + T‖e_v‖: only if that is too large the system is solved,
+/// with the matrix of the method or, if it has none, by conjugate gradients. Even
+/// then Ω of ‖w‖/‖e_v‖ = 1/(1/T² + Ω²), the frequency that e_v seems to have, is
+/// mostly the last one. Methods with a matrix damp what their steps do not
+/// resolve, so such vibrations are damped in e_v first.
+pub(crate) struct Weighing {
+    order: u32,
+    /// Velocities at the start of the last step, in m/s, and e_v at its end.
+    velocities: Vec<Vector3<f64>>,
+    errors: Vec<Vector3<f64>>,
+    /// ‖e_x‖ of the last step, in m, and where its error is largest.
+    error_of_positions: f64,
+    block: usize,
+    step_size: f64,
+    /// T, in s.
+    time_scale: f64,
+    stiffness: Stiffness,
+    response: Response,
+}
+
+/// What was last found out of how springs hold errors of velocities back.
+#[derive(Clone, Copy, Default)]
+struct Stiffness {
+    /// Ω, in rad/s.
+    frequency: f64,
+    /// ‖e_v‖ at that time, in m/s.
+    error: f64,
+    /// Estimates until it is found out anew, and when that was last done.
+    pause: u32,
+    last_pause: u32,
+}
+
+/// Estimates that are made with one Ω: twice as many whenever it was found to be the
+/// same. Conjugate gradients then cost less than the steps themselves.
+const SHORTEST_PAUSE: u32 = 16;
+const LONGEST_PAUSE: u32 = 256;
+/// It is the same within this factor.
+const SAME: f64 = 1.5;
+/// It is found out anew when errors have grown so many times: they may be other
+/// ones.
+const GROWN: f64 = 2.0;
+
+impl Weighing {
+    /// For a method of this order.
+    pub(crate) fn new(system: &System, order: u32) -> Self {
+        Self {
+            order,
+            velocities: vec![Vector3::zeros(); system.n_free()],
+            errors: vec![Vector3::zeros(); system.n_free()],
+            error_of_positions: 0.0,
+            block: 0,
+            step_size: 0.0,
+            time_scale: 0.0,
+            stiffness: Stiffness::default(),
+            response: Response::default(),
+        }
+    }
+
+    /// As if no step had been made.
+    pub(crate) fn restart(&mut self) {
+        self.stiffness = Stiffness::default();
+    }
+
+    /// A step begins with these velocities.
+    pub(crate) fn begin(&mut self, v: &[Vector3<f64>]) {
+        let n_free = self.velocities.len();
+        self.velocities.copy_from_slice(&v[..n_free]);
+    }
+
+    /// The estimate of a step of size `h` in s that ended at `state`; `differences`
+    /// gives for each free block by how much positions and velocities of two halves
+    /// are off from those of the whole.
+    pub(crate) fn estimate(
+        &mut self,
+        h: f64,
+        state: &State,
+        differences: impl Fn(usize) -> [Vector3<f64>; 2],
+    ) -> ErrorEstimate {
+        let scale = 1.0 / (2f64.powi(self.order as i32) - 1.0);
+        let pairs = state.v.iter().zip(&self.velocities);
+        let changes = pairs.map(|(end, start)| (end - start).amax());
+        let acceleration = changes.fold(0.0, f64::max) / h;
+        self.time_scale = time_scale(spread(&state.v), acceleration, h);
+        let mut error = 0.0;
+        (self.step_size, self.error_of_positions) = (h, 0.0);
+        for k in 0..self.errors.len() {
+            let [x, v] = differences(k).map(|difference| difference * scale);
+            let here = x.amax() + self.time_scale * v.amax();
+            if here > error || here.is_nan() {
+                (self.block, error) = (k, here);
+            }
+            self.error_of_positions = self.error_of_positions.max(x.amax());
+            self.errors[k] = v;
+        }
+        self.told(error)
+    }
+
+    /// The same with w of the documentation of the type, by the matrix of `method` if
+    /// it has one.
+    pub(crate) fn second_estimate(
+        &mut self,
+        method: &mut dyn Method,
+        at: (&System, &State),
+        work: &mut Work,
+    ) -> ErrorEstimate {
+        let (h, errors) = (self.step_size, &mut self.errors);
+        if let Some(damped) = self.response.by_matrix(method, at, h, errors, work) {
+            std::mem::swap(damped, errors);
+        }
+        let error = largest(&self.errors).1;
+        let time = self.time_of_errors(method, at, error, work);
+        self.told(self.error_of_positions + time * error)
+    }
+
+    fn told(&self, error: f64) -> ErrorEstimate {
+        ErrorEstimate {
+            rate: error / self.step_size,
+            exponent: f64::from(self.order),
+            block: self.block,
+        }
+    }
+
+    /// (‖w‖/‖e_v‖)^½, in s, for e_v of size `error` in m/s.
+    fn time_of_errors(
+        &mut self,
+        method: &mut dyn Method,
+        at: (&System, &State),
+        error: f64,
+        work: &mut Work,
+    ) -> f64 {
+        let (time, last) = (self.time_scale, &mut self.stiffness);
+        last.pause = last.pause.saturating_sub(1);
+        if error > 0.0 && (last.pause == 0 || error > GROWN * last.error) {
+            let (response, errors) = (&mut self.response, &self.errors);
+            let left = match response.by_matrix(method, at, time, errors, work) {
+                Some(left) => largest(left).1,
+                None => response.bound(at, time, errors, work),
+            };
+            let frequency = (error / left - 1.0).max(0.0).sqrt() / time;
+            let is_same = (frequency / SAME..=frequency * SAME).contains(&last.frequency);
+            let pause = match is_same {
+                true => (2 * last.last_pause).clamp(SHORTEST_PAUSE, LONGEST_PAUSE),
+                false => SHORTEST_PAUSE,
+            };
+            *last = Stiffness {
+                frequency,
+                error,
+                pause,
+                last_pause: pause,
+            };
+        }
+        time.recip().hypot(last.frequency).recip()
+    }
+
+    pub(crate) fn visit(&mut self, state: &mut HiddenState) {
+        state.real(&mut self.stiffness.frequency);
+        state.real(&mut self.stiffness.error);
+        state.count(&mut self.stiffness.pause);
+        state.count(&mut self.stiffness.last_pause);
+    }
+}
