@@ -34,6 +34,7 @@ pub fn power_line(segments: usize) -> Scene {
             tangent: Some(Tangent::Filtered),
             step: StepControl::Fixed(0.01),
             duration: 60.0,
+            ..Settings::default()
         },
         ..Scene::default()
     };

@@ -192,6 +192,7 @@ fn settings() -> impl Strategy<Value = (Settings, RunOptions)> {
                 tangent: tangent.flatten(),
                 step,
                 duration,
+                ..Settings::default()
             };
             let mut options = RunOptions::default()
                 .with_threads(1)

@@ -8,6 +8,7 @@
 //! | [`scene`] | `springs-scene` | scenes as plain data, generators, validation |
 //! | [`assembly`] | `springs-assembly` | global mass, force and sparse Hessian |
 //! | [`solver`] | `springs-solver` | solution of sparse systems |
+//! | [`statics`] | `springs-statics` | equilibrium, load paths, modes, form finding |
 //! | [`step`] | `springs-step` | methods, time loop, frames, report |
 //! | [`io`] | `springs-io` | scene files, trajectories, reports |
 //!
@@ -39,4 +40,5 @@ pub use springs_io as io;
 pub use springs_math as math;
 pub use springs_scene as scene;
 pub use springs_solver as solver;
+pub use springs_statics as statics;
 pub use springs_step as step;

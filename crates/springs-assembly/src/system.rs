@@ -188,6 +188,15 @@ impl System {
         self.guides.blocks()
     }
 
+    /// Takes the part across the guides from vectors of the free blocks.
+    ///
+    /// # Panics
+    ///
+    /// If there are fewer vectors than free blocks.
+    pub fn project_onto_guides(&self, vectors: &mut [Vector3<f64>]) {
+        self.guides.project(vectors);
+    }
+
     /// Whether all guides let nodes have a common velocity.
     pub fn may_all_have(&self, velocity: &Vector3<f64>) -> bool {
         self.guides.let_have(velocity)

@@ -39,6 +39,7 @@ mod scene_file;
 mod sink;
 mod spring_file;
 mod springs;
+mod statics;
 mod syntax;
 mod table;
 mod tables;
@@ -52,7 +53,7 @@ pub use checkpoint::{Checkpoint, CheckpointError, read_checkpoint, write_checkpo
 pub use energies::ENERGIES;
 pub use frames::{FrameFile, FrameSize, Quantity};
 pub use growing::{ContinueError, FileMark, FoundFile, GrowingFile, part_name};
-pub use members::{REACTIONS, SpringsAndPeaks};
+pub use members::{REACTIONS, SPRINGS, SpringsAndPeaks};
 pub use npz::{Npz, NpzError, open_npz};
 pub use point_cache::PointCache;
 pub use read::{Finding, SceneError, parse_scene, parse_scene_with_inputs, read_scene, read_text};
@@ -65,6 +66,10 @@ pub use sink::{
     TrajectoryFrame,
 };
 pub use springs::{Inputs, SpringInput};
+pub use statics::{
+    MODES, ModesReport, NotFound, PATH, PathReport, PathRow, SHAPES, SettleReport, write_modes,
+    write_path,
+};
 pub use table::{Rows, Table};
 pub use tables::{TableError, read_tables};
 pub use trajectory::TRAJECTORY;

@@ -26,7 +26,8 @@ fn reactions(frame: &TrajectoryFrame<'_>, members: &FrameMembers<'_>, bytes: &mu
     }
 }
 
-pub(crate) static SPRINGS: Table = Table {
+/// The table of springs alone: a row per frame and spring.
+pub static SPRINGS: Table = Table {
     name: "springs",
     about: "springs.csv: length, strain and tension of every spring at each frame; peaks.csv",
     file: "springs.csv",

@@ -445,6 +445,7 @@ fn settings(entry: SimulationEntry) -> Settings {
         tangent: entry.tangent.map(|named| named.0),
         step,
         duration: entry.duration.map_or(default.duration, |real| real.0),
+        start: entry.start.map_or(default.start, |named| named.0),
     }
 }
 

@@ -215,7 +215,7 @@ pub struct FailureReport {
 /// # Errors
 ///
 /// If the file cannot be written.
-pub fn write_report(path: &Path, report: &Report) -> Result<(), WriteError> {
+pub fn write_report(path: &Path, report: &impl Serialize) -> Result<(), WriteError> {
     let mut text = serde_json::to_string_pretty(report).map_err(|error| WriteError {
         path: path.to_owned(),
         source: error.into(),

@@ -152,6 +152,7 @@ pub(crate) struct SimulationEntry {
     pub(crate) step: Option<Real>,
     pub(crate) tolerance: Option<Real>,
     pub(crate) duration: Option<Real>,
+    pub(crate) start: Option<Named<springs_scene::Start>>,
     pub(crate) solution: Option<Named<springs_scene::LinearTolerance>>,
     pub(crate) sleep: Option<Real>,
     #[serde(default)]

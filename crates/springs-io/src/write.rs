@@ -5,7 +5,7 @@ use crate::scene_file::VERSION;
 use nalgebra::Vector3;
 use springs_scene::{
     Guide, LinearTolerance, Load, Method, OverTime, PrescribedMotion, Rayleigh, RunOptions, Scene,
-    SpringLaw, StepControl,
+    SpringLaw, Start, StepControl,
 };
 use std::fmt::Write as _;
 use std::io::{self, Write};
@@ -111,6 +111,9 @@ fn write_text(scene: &Scene, options: &RunOptions, text: &mut dyn Write) -> io::
     }
     if let Some(tangent) = settings.tangent {
         fields += &format!("tangent: {}, ", tangent.name());
+    }
+    if settings.start != Start::AsGiven {
+        fields += &format!("start: {}, ", settings.start.name());
     }
     match settings.step {
         StepControl::Auto => {}

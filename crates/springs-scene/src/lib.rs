@@ -45,6 +45,6 @@ pub use pretension::{AxialStiffness, PretensionError, rest_length_under};
 pub use problem::Problem;
 pub use scene::{Guide, NamedMotion, Node, Rayleigh, Scene, Spring};
 pub use settings::{
-    LinearTolerance, Method, RunOptions, Settings, StepControl, Tangent, UnknownName,
+    LinearTolerance, Method, RunOptions, Settings, Start, StepControl, Tangent, UnknownName,
 };
 pub use text::{printable, printable_within};

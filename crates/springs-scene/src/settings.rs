@@ -15,6 +15,8 @@ pub struct Settings {
     pub step: StepControl,
     /// Simulated time, in s.
     pub duration: f64,
+    /// Where nodes are at the start.
+    pub start: Start,
 }
 
 impl Default for Settings {
@@ -24,6 +26,7 @@ impl Default for Settings {
             tangent: None,
             step: StepControl::Auto,
             duration: 1.0,
+            start: Start::default(),
         }
     }
 }
@@ -206,6 +209,19 @@ named! {
         Material = "material",
         /// Across stiffness from a tension carried from step to step.
         Filtered = "filtered",
+    }
+}
+
+named! {
+    /// Where the nodes that can move are at the start.
+    #[derive(Default)]
+    Start, "start" {
+        /// Where the scene has them.
+        #[default]
+        AsGiven = "as-given",
+        /// In an equilibrium, with the velocities that the scene has: whoever runs the
+        /// scene must find it first.
+        Equilibrium = "equilibrium",
     }
 }
 

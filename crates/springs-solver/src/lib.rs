@@ -1,4 +1,4 @@
-//! Solution of sparse symmetric positive definite systems of 3 × 3 blocks.
+//! Solution of sparse symmetric systems of 3 × 3 blocks, positive definite or not.
 //!
 //! [`Solver::analyze`] orders the graph of blocks and factorizes symbolically,
 //! once; [`Solver::set_matrix`] and [`Solver::solve_in_place`] then do numeric
@@ -12,6 +12,9 @@
 //! faer's dense kernels in wide fronts; independent subtrees run on several
 //! threads, with the same bits for any number of them.
 //!
+//! [`Indefinite`] makes factors L D Lᵀ of matrices that may be indefinite or singular, and
+//! counts their pivots; [`lowest_eigenpairs`] finds eigenpairs with any of them.
+//!
 //! Matrices are given as one symmetric block per block row, packed as
 //! (xx, xy, xz, yy, yz, zz), and one block per coupled pair: six numbers likewise
 //! where all of these are symmetric themselves, or [nine](OffDiagonal). Where motion is known to stay in a [plane or on a
@@ -21,6 +24,7 @@
 mod block;
 mod core;
 mod direct;
+mod eigenpairs;
 mod interrupt;
 mod iterative;
 mod ordering;
@@ -31,6 +35,8 @@ mod storage;
 mod strategy;
 mod subspace;
 
+pub use direct::{Indefinite, Inertia};
+pub use eigenpairs::{Eigenpair, Pencil, lowest_eigenpairs};
 pub use interrupt::Interrupt;
 pub use ordering::elimination_order;
 pub use packing::{OffDiagonal, Packing};
@@ -140,6 +146,9 @@ pub enum SolveError {
     /// It was [asked to stop](Interrupt).
     #[error("interrupted")]
     Interrupted,
+    /// Iteration for eigenpairs stalled.
+    #[error("iteration for eigenpairs does not converge")]
+    NotConverged,
     /// The factor has more entries than can be indexed or stored.
     #[error("the factor of {n_blocks} blocks is too large for this machine")]
     TooLarge {

@@ -69,6 +69,7 @@ impl<'a> From<&'a Vec<[f64; 9]>> for OffDiagonal<'a> {
 }
 
 /// Brings general blocks to the upper triangle.
+#[derive(Default)]
 pub(crate) struct Upper {
     /// Pairs (a, b) with a > b.
     lower: Vec<u32>,

@@ -29,6 +29,9 @@ pub enum SetupError {
         /// The method.
         method: Method,
     },
+    /// The scene asks to start from an equilibrium, which is to be found first.
+    #[error("the scene starts from its equilibrium, which has not been found")]
+    NotSettled,
     /// Energies at the start are larger than a number can be.
     #[error("the energy at the start is beyond the range of numbers")]
     EnergyOverflow,
@@ -80,6 +83,7 @@ impl SetupError {
             }
             Self::Massless { node, .. } => Some(Path::Node(*node, None)),
             Self::NoTangent { .. } => Some(Path::Simulation("tangent")),
+            Self::NotSettled => Some(Path::Simulation("start")),
             Self::VelocityDependent { spring, .. } => Some(Path::Spring(*spring, Some("damping"))),
             _ => None,
         }
@@ -90,6 +94,9 @@ impl SetupError {
         match self {
             Self::Massless { .. } => {
                 Some("give it a mass, or use an implicit method such as tr-bdf2")
+            }
+            Self::NotSettled => {
+                Some("settle the scene first, and run what `springs_statics::start` gives")
             }
             Self::EnergyOverflow => Some("look at the units of masses, velocities and stiffnesses"),
             Self::VelocityDependent { .. } | Self::Damped { .. } => {

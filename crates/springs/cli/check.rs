@@ -8,7 +8,7 @@ use springs::assembly::System;
 use springs::inspect::{Saving, count, skipped, suspicious};
 use springs::materials;
 use springs::proportions::OwnWeight;
-use springs::scene::{Method, Scene, StepControl, printable};
+use springs::scene::{Method, Scene, Start, StepControl, printable};
 use springs::step::{Islands, Pace, solver_memory};
 use std::fmt::Write as _;
 
@@ -19,7 +19,9 @@ pub(crate) struct CheckArguments {
 }
 
 pub(crate) fn check(arguments: &CheckArguments) -> anyhow::Result<Ending> {
-    let source = arguments.scene.load()?;
+    let mut source = arguments.scene.load()?;
+    // A run finds the equilibrium first; here nothing is run.
+    let start = std::mem::take(&mut source.scene.settings.start);
     let scene = &source.scene;
     let islands =
         Islands::with_options(scene, &source.options).map_err(|error| source.advised(&error))?;
@@ -99,6 +101,12 @@ pub(crate) fn check(arguments: &CheckArguments) -> anyhow::Result<Ending> {
             text,
             "  its weight, carried by the springs at fixed nodes, changes their length by {} %",
             short(100.0 * weight.strain)
+        )?;
+    }
+    if start == Start::Equilibrium {
+        writeln!(
+            text,
+            "  starts from its equilibrium, which a run finds first"
         )?;
     }
     let tangent = choice

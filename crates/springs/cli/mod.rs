@@ -2,12 +2,15 @@
 
 mod check;
 mod checkpoints;
+mod modes;
 mod new;
 mod output;
 mod resume;
 mod run;
+mod settle;
 mod signals;
 mod source;
+mod statics;
 mod study;
 mod summary;
 mod view;
@@ -35,6 +38,10 @@ enum Command {
     Resume(resume::ResumeArguments),
     /// Make a page to look at a finished run in a browser.
     View(view::ViewArguments),
+    /// Find the equilibrium of a scene, and say whether it is stable.
+    Settle(settle::SettleArguments),
+    /// Find the lowest frequencies and shapes of vibrations about an equilibrium.
+    Modes(modes::ModesArguments),
     /// Say what is in a scene, what will be skipped and what looks wrong.
     Check(check::CheckArguments),
     /// Measure run time against error for a scene, method by method.
@@ -90,6 +97,8 @@ pub(crate) fn main() -> ExitCode {
         Command::Run(arguments) => run::run(&arguments),
         Command::Resume(arguments) => resume::resume(&arguments),
         Command::View(arguments) => view::view(&arguments),
+        Command::Settle(arguments) => settle::settle_command(&arguments),
+        Command::Modes(arguments) => modes::modes_command(&arguments),
         Command::Check(arguments) => check::check(&arguments),
         Command::Study(arguments) => study::study_command(&arguments),
         Command::New(arguments) => new::new(&arguments),

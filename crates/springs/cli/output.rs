@@ -2,8 +2,8 @@
 
 use super::{Advised, Unwritten};
 use springs::io::{
-    ContinueError, Report, RunEnd, RunPlan, WriteError, part_name, remove_drafts, remove_series,
-    try_to_write, write_report, write_scene,
+    ContinueError, MODES, PATH, Report, RunEnd, RunPlan, SHAPES, WriteError, part_name,
+    remove_drafts, remove_series, try_to_write, write_report, write_scene,
 };
 use springs::scene::{RunOptions, Scene};
 use springs::sinks::{Marks, SINKS, Sinks};
@@ -12,13 +12,16 @@ use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 
 pub(crate) const SCENE: &str = "final.ron";
-const REPORT: &str = "report.json";
+pub(crate) const REPORT: &str = "report.json";
 /// What a stopped run goes on from.
 pub(crate) const CHECKPOINT: &str = "checkpoint.bin";
 
-/// Names of all that a run may write; those of folders end in `/`.
-fn all_files() -> Vec<String> {
-    let mut names = vec![SCENE.to_owned(), REPORT.to_owned()];
+/// Names of all that a run, or a command of statics, may write; those of folders end
+/// in `/`.
+pub(crate) fn all_files() -> Vec<String> {
+    let mut names = [SCENE, REPORT, PATH, MODES, SHAPES]
+        .map(str::to_owned)
+        .to_vec();
     for file in SINKS.iter().flat_map(|kind| kind.files()) {
         names.extend([file.to_owned(), part_name(file)]);
     }

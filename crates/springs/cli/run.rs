@@ -4,6 +4,7 @@ use super::checkpoints::{About, Every};
 use super::output::{CHECKPOINT, Output, make_folder};
 use super::signals::Signals;
 use super::source::{SceneArguments, default_intervals};
+use super::statics::sentence;
 use super::view::invitation;
 use super::watcher::{Watcher, progress_bar};
 use super::{Ending, Unwritten, say, say_error, summary};
@@ -82,7 +83,24 @@ pub(crate) fn run(arguments: &RunArguments) -> anyhow::Result<Ending> {
         None => arguments.scene.stem(),
     };
     Output::check(&folder, arguments.scene.path(), arguments.force)?;
-    let source = arguments.scene.load()?;
+    let mut source = arguments.scene.load()?;
+    match source.start() {
+        Ok(Some(equilibrium)) if !arguments.quiet => {
+            say(&format!("start: {}", sentence(&equilibrium)));
+        }
+        Ok(_) => {}
+        Err(error) => {
+            let advised = source.advised_of_statics(&error);
+            if !error.is_not_found() {
+                return Err(advised.into());
+            }
+            say_error(&advised.message);
+            if let Some(advice) = advised.advice {
+                say(&format!("  {advice}"));
+            }
+            return Ok(Ending::Failed);
+        }
+    }
     let islands = Islands::with_options(&source.scene, &source.options)
         .map_err(|error| source.advised(&error))?;
     let intervals = match arguments.frames {

@@ -6,8 +6,10 @@ use springs::io::{Finding, Inputs, SceneError, parse_scene_with_inputs, read_tex
 use springs::scene::{
     LinearTolerance, Method, Path as ScenePath, RunOptions, Scene, StepControl, Tangent,
 };
+use springs::statics::{Equilibrium, StaticsError};
 use springs::step::SetupError;
 use std::fs::File;
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
@@ -84,15 +86,9 @@ impl SceneArguments {
         &self.scene
     }
 
-    /// The file's name without its ending; `scene` where that would be no folder
-    /// of its own.
+    /// As [`stem_of`] the scene file.
     pub(crate) fn stem(&self) -> PathBuf {
-        let stem = self.scene.file_stem().unwrap_or_default();
-        if [".", "..", "-", ""].iter().any(|name| stem == *name) {
-            "scene".into()
-        } else {
-            stem.into()
-        }
+        stem_of(&self.scene)
     }
 
     /// The first argument that settles what a study tries out.
@@ -154,21 +150,8 @@ impl SceneArguments {
 
     /// Reads the scene. All that is wrong with it becomes one error.
     pub(crate) fn load(&self) -> Result<Source, Advised> {
-        let (file, text) = match self.scene == Path::new("-") {
-            true => {
-                let file = "standard input".to_owned();
-                let text = read_text(&file, Ok(std::io::stdin().lock()));
-                (file, text)
-            }
-            false => {
-                let file = self.scene.display().to_string();
-                let text = read_text(&file, File::open(&self.scene));
-                (file, text)
-            }
-        };
-        let text = text.map_err(advised)?;
-        let read = parse_scene_with_inputs(&file, &text).map_err(advised)?;
-        let (mut scene, mut options, inputs) = read;
+        let mut source = Source::read(&self.scene)?;
+        let (scene, options) = (&mut source.scene, &mut source.options);
         let settings = &mut scene.settings;
         if let Some(method) = self.method {
             // The tangent in the file was meant for the method there.
@@ -191,19 +174,25 @@ impl SceneArguments {
         // The file was sound, so only what the command line said can be wrong.
         let problems = scene.problems().into_iter().chain(options.problems());
         match problems.into_iter().next() {
-            None => Ok(Source {
-                scene,
-                options,
-                inputs,
-                file,
-                text,
-                replaced: self.replaced(),
-            }),
+            None => {
+                source.replaced = self.replaced();
+                Ok(source)
+            }
             Some(problem) => Err(Advised {
                 message: format!("on the command line, {problem}"),
                 advice: problem.advice().map(str::to_owned),
             }),
         }
+    }
+}
+
+/// A file's name without its ending; `scene` where that would be no folder of its own.
+pub(crate) fn stem_of(scene: &Path) -> PathBuf {
+    let stem = scene.file_stem().unwrap_or_default();
+    if [".", "..", "-", ""].iter().any(|name| stem == *name) {
+        "scene".into()
+    } else {
+        stem.into()
     }
 }
 
@@ -213,6 +202,15 @@ const MOST_THREADS: u32 = 256;
 /// Threads that are used when so many may be.
 pub(crate) fn at_most_useful(threads: u32) -> usize {
     threads.min(MOST_THREADS) as usize
+}
+
+/// The options of statics.
+pub(crate) fn statics_options(run: &RunOptions) -> springs::statics::Options {
+    let threads = match run.threads {
+        0 => std::thread::available_parallelism().map_or(1, NonZeroUsize::get),
+        asked => asked,
+    };
+    springs::statics::Options::default().with_threads(threads)
 }
 
 /// Intervals between frames: 60 a second.
@@ -242,6 +240,41 @@ fn quoted(word: &str) -> String {
 }
 
 impl Source {
+    /// Reads a scene file; `-` is standard input. All that is wrong with it becomes one
+    /// error.
+    pub(crate) fn read(scene: &Path) -> Result<Self, Advised> {
+        let (file, text) = match scene == Path::new("-") {
+            true => {
+                let file = "standard input".to_owned();
+                let text = read_text(&file, Ok(std::io::stdin().lock()));
+                (file, text)
+            }
+            false => {
+                let file = scene.display().to_string();
+                let text = read_text(&file, File::open(scene));
+                (file, text)
+            }
+        };
+        let text = text.map_err(advised)?;
+        let (scene, options, inputs) = parse_scene_with_inputs(&file, &text).map_err(advised)?;
+        Ok(Self {
+            scene,
+            options,
+            inputs,
+            file,
+            text,
+            replaced: Vec::new(),
+        })
+    }
+
+    /// Finds the equilibrium that the scene starts from, if it asks for one.
+    pub(crate) fn start(&mut self) -> Result<Option<Equilibrium>, StaticsError> {
+        let options = statics_options(&self.options);
+        let (started, equilibrium) = springs::statics::start(&self.scene, &options)?;
+        self.scene = started;
+        Ok(equilibrium)
+    }
+
     /// Writes the text of the scene to another file.
     pub(crate) fn copy_to(&self, path: &Path) -> std::io::Result<()> {
         std::fs::write(path, &self.text)
@@ -249,8 +282,16 @@ impl Source {
 
     /// Why the scene cannot be simulated, with the place in its file.
     pub(crate) fn advised(&self, error: &SetupError) -> Advised {
-        let advice = error.advice();
-        let Some(path) = error.path() else {
+        self.located(&error.to_string(), error.path(), error.advice())
+    }
+
+    /// The same of statics.
+    pub(crate) fn advised_of_statics(&self, error: &StaticsError) -> Advised {
+        self.located(&error.to_string(), error.path(), error.advice())
+    }
+
+    fn located(&self, error: &str, path: Option<ScenePath>, advice: Option<&str>) -> Advised {
+        let Some(path) = path else {
             return Advised {
                 message: format!("{}: {error}", self.file),
                 advice: advice.map(str::to_owned),

@@ -94,7 +94,10 @@ pub(crate) fn study_command(arguments: &StudyArguments) -> anyhow::Result<Ending
         false => &[CSV, JSON, DIAGRAM, REFERENCE],
     };
     claim(&folder, files, arguments.force)?;
-    let source = arguments.scene.load()?;
+    let mut source = arguments.scene.load()?;
+    source
+        .start()
+        .map_err(|error| source.advised_of_statics(&error))?;
     let mut options = Options {
         repeats: arguments.repeats as usize,
         command: format!("springs run {}", arguments.scene.words().join(" ")),

@@ -24,6 +24,14 @@ impl System {
         (2.0 * bound).sqrt()
     }
 
+    /// A bound on the stiffness at every free block in any configuration, in N/m: half of
+    /// that on the eigenvalues of what its terms add there. Infinite if a term has no bound.
+    pub fn stiffness_bounds(&self) -> Vec<f64> {
+        let mut bounds = vec![0.0; self.n_free()];
+        self.add_stiffness_bounds(&mut bounds);
+        bounds
+    }
+
     fn add_stiffness_bounds(&self, bounds: &mut [f64]) {
         for emitter in self.emitters() {
             emitter.add_stiffness_bounds(bounds);

@@ -3,12 +3,17 @@
 mod failure;
 mod front;
 mod fronts;
+mod indefinite;
 mod kernels;
 mod layout;
 mod multifrontal;
+mod pivoting;
 mod registers;
 mod substitution;
 mod tree;
+
+pub use self::indefinite::{Indefinite, Inertia};
+pub(crate) use self::kernels::dot_in_lanes;
 
 use self::failure::NoFactor;
 use self::front::Values;

@@ -116,6 +116,7 @@ pub(crate) fn start(
     (settings, options): (&Settings, &RunOptions),
     system: &System,
 ) -> Result<Start, SetupError> {
+    refuse_unsettled(settings)?;
     let (pace, schedule) = pace_of(scene, settings, system);
     let choice = Choice::open(settings, options, pace);
     let needs_trials = |controller: &Controller| controller.left() > 0.0;
@@ -174,6 +175,14 @@ pub(crate) fn settle_equal_steps(
 fn first_step(duration: f64, fastest: f64) -> f64 {
     let resolving = 0.1 / fastest;
     (duration / 100.0).min(resolving.max(1e-6 * duration))
+}
+
+/// Equilibria are found before.
+pub(crate) fn refuse_unsettled(settings: &Settings) -> Result<(), SetupError> {
+    match settings.start {
+        scene::Start::AsGiven => Ok(()),
+        scene::Start::Equilibrium => Err(SetupError::NotSettled),
+    }
 }
 
 fn refuse_tangent(choice: &Choice) -> Result<(), SetupError> {

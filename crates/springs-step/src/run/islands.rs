@@ -1,5 +1,6 @@
 //! Parts of a scene that do not feel each other, each on its own way.
 
+use crate::control::choose::refuse_unsettled;
 use crate::run::frames::{Frames, Shown};
 use crate::run::members::{Gathered, Supported};
 use crate::run::observer::{either, offer};
@@ -84,6 +85,7 @@ impl Islands {
         if !problems.is_empty() {
             return Err(CompileError::Problems(problems).into());
         }
+        refuse_unsettled(&scene.settings)?;
         let islands = cut(scene, options);
         let largest = islands.iter().map(|island| island.springs.len()).max();
         let dominant = DOMINANT * scene.springs.len() as f64;

@@ -1,0 +1,474 @@
+//! Downhill to where forces are balanced.
+
+use crate::equations::{Equations, Potential, largest, numbers_mut};
+use crate::{Options, StaticsError};
+use nalgebra::Vector3;
+use springs_assembly::Projection;
+use springs_solver::{Indefinite, Inertia, SolveError, Solver};
+
+/// Steps of implicit Euler, so to speak, with masses that are in proportion to stiffnesses.
+///
+/// A step from x₀ goes to the least of V(x) + μ/2 (x − x₀)ᵀ S (x − x₀), where S is what is
+/// stiff at each node, by Newton's method: (H + μS) d = f − μS (x − x₀). H has the tensions
+/// that the last iteration predicted to first order in place of the present ones: it is the
+/// matrix of the equations in which tensions are unknowns of their own, so that steps may be
+/// as long as soft directions want them, however stiff springs are. Where it is not positive
+/// definite, negative terms are clamped. As steps succeed, μ goes to zero, and a step
+/// becomes one of Newton's method for the equilibrium.
+pub(crate) struct Descent<'a> {
+    pub(crate) equations: Equations<'a>,
+    solver: Solver,
+    indefinite: Indefinite,
+    options: &'a Options,
+    pub(crate) iterations: usize,
+    /// Extent of everything, in m.
+    size: f64,
+    /// The last μ that made a matrix positive definite.
+    shift: f64,
+    /// The last one that was needed for a step to lead down.
+    hard: f64,
+}
+
+/// A state on the way.
+#[derive(Clone)]
+struct Point {
+    x: Vec<Vector3<f64>>,
+    forces: Vec<Vector3<f64>>,
+    potential: Potential,
+    /// Tensions and the like as predicted.
+    carried: Vec<f64>,
+}
+
+/// What becomes of a step.
+enum Attempt {
+    /// Solved for; and whether it was cut to the reach.
+    Solved(Point, bool),
+    /// Its matrix is not positive definite.
+    Indefinite,
+    /// Newton's method does not converge.
+    Diverged,
+}
+
+/// Newton iterations of a step.
+const MOST_CORRECTIONS: usize = 8;
+/// A step is solved for when the last of them is this part of it.
+const SOLVED: f64 = 0.03;
+/// Iterations must shrink by this much, except the first.
+const CONTRACTION: f64 = 0.7;
+/// μ to begin with, that of which no damping is left, and that of which no step is.
+const FIRST_DAMPING: f64 = 1e-2;
+const LEAST_DAMPING: f64 = 1e-17;
+const MOST_DAMPING: f64 = 1e4;
+/// The same where more of it makes the matrix positive definite.
+const LEAST_SHIFT: f64 = 1e-12;
+const MOST_SHIFT: f64 = 1.0;
+/// What μ is multiplied with after steps that succeed at once, and after those that do not.
+const EASIER: f64 = 0.1;
+const HARDER: f64 = 8.0;
+/// Nothing that is held goes further than this, in sizes of the scene.
+const CARRIED_OFF: f64 = 1e6;
+/// Steps of Newton's method alone at the end.
+const MOST_POLISHING: usize = 20;
+/// μ of steps that only stiff directions are moved by, and how many there are.
+const REFINING: f64 = 1e-6;
+const MOST_REFINEMENTS: usize = 4;
+/// Times that damped steps begin anew after those.
+const MOST_ROUNDS: usize = 4;
+
+impl<'a> Descent<'a> {
+    pub(crate) fn new(equations: Equations<'a>, options: &'a Options) -> Result<Self, SolveError> {
+        let mut solver = equations.solver(options.threads.max(1))?;
+        solver.set_interrupt(&options.interrupt);
+        let x = equations.system.initial_positions();
+        let first = x.first().copied().unwrap_or_default();
+        let (mut low, mut high) = (first, first);
+        for x in x {
+            (low, high) = (low.inf(x), high.sup(x));
+        }
+        let size = (high - low).norm();
+        Ok(Self {
+            indefinite: equations.indefinite_solver()?,
+            size: if size > 0.0 { size } else { 1.0 },
+            equations,
+            solver,
+            options,
+            shift: 0.0,
+            hard: 0.0,
+            iterations: 0,
+        })
+    }
+
+    /// Extent of everything, in m.
+    pub(crate) fn size(&self) -> f64 {
+        self.size
+    }
+
+    /// Whether forces are balanced at x.
+    pub(crate) fn is_balanced(&mut self, x: &[Vector3<f64>]) -> Result<bool, StaticsError> {
+        let forces = self.equations.forces(x);
+        self.check(&forces)?;
+        self.equations.linearize(x, None, Projection::None);
+        Ok(self.equations.is_balanced(x, &forces))
+    }
+
+    fn check(&self, forces: &[Vector3<f64>]) -> Result<(), StaticsError> {
+        if self.options.interrupt.is_requested() {
+            return Err(SolveError::Interrupted.into());
+        }
+        let (block, size) = largest(forces);
+        if size.is_finite() {
+            return Ok(());
+        }
+        let node = self.equations.system.numbering().node(block);
+        Err(StaticsError::NotFinite { node })
+    }
+
+    /// Brings x to where forces are balanced.
+    pub(crate) fn run(&mut self, x: &mut [Vector3<f64>]) -> Result<(), StaticsError> {
+        let start = x.to_vec();
+        let mut best = f64::INFINITY;
+        for _ in 0..MOST_ROUNDS {
+            let done = self.damped(x, &start)? || self.polish(x)?;
+            if done {
+                return Ok(());
+            }
+            let left = largest(&self.equations.forces(x)).1;
+            if left >= 0.5 * best || self.iterations >= self.options.most_iterations {
+                break;
+            }
+            best = left;
+        }
+        let (block, residual) = largest(&self.equations.forces(x));
+        Err(StaticsError::NotBalanced {
+            node: self.equations.system.numbering().node(block),
+            residual,
+            iterations: self.iterations,
+        })
+    }
+
+    fn point(&self, x: Vec<Vector3<f64>>, carried: Vec<f64>) -> Point {
+        Point {
+            forces: self.equations.forces(&x),
+            potential: self.equations.potential(&x),
+            x,
+            carried,
+        }
+    }
+
+    /// Damped steps, until forces are balanced, or no step leads down any more.
+    fn damped(
+        &mut self,
+        x: &mut [Vector3<f64>],
+        start: &[Vector3<f64>],
+    ) -> Result<bool, StaticsError> {
+        let system = self.equations.system;
+        let mut carried = vec![0.0; system.n_carried()];
+        system.carried(x, &mut carried);
+        let mut at = self.point(x.to_vec(), carried);
+        let mut damping = FIRST_DAMPING;
+        let mut reach = 0.5 * self.size;
+        let mut done = false;
+        while self.iterations < self.options.most_iterations {
+            self.check(&at.forces)?;
+            self.equations.linearize(&at.x, None, Projection::None);
+            done = self.equations.is_balanced(&at.x, &at.forces);
+            if done {
+                break;
+            }
+            self.iterations += 1;
+            let Some(next) = self.step(&at, &mut damping, &mut reach)? else {
+                break;
+            };
+            at = next;
+            self.check_reach(&at.x, start)?;
+        }
+        x.copy_from_slice(&at.x);
+        Ok(done)
+    }
+
+    fn check_reach(&self, x: &[Vector3<f64>], start: &[Vector3<f64>]) -> Result<(), StaticsError> {
+        let moves: Vec<_> = x.iter().zip(start).map(|(x, start)| x - start).collect();
+        let (block, moved) = largest(&moves);
+        if moved < CARRIED_OFF * self.size {
+            return Ok(());
+        }
+        let node = self.equations.system.numbering().node(block);
+        Err(StaticsError::CarriedOff { node })
+    }
+
+    /// One step that leads down, with as little damping as allows it; `None` if there is
+    /// none.
+    fn step(
+        &mut self,
+        at: &Point,
+        damping: &mut f64,
+        reach: &mut f64,
+    ) -> Result<Option<Point>, StaticsError> {
+        let mut is_first = true;
+        while *damping < MOST_DAMPING {
+            if let Some((next, is_cut)) = self.best_of(at, *damping, *reach, is_first)? {
+                if is_cut {
+                    *reach *= 2.0;
+                } else if is_first {
+                    *damping *= EASIER;
+                    if *damping < LEAST_DAMPING {
+                        *damping = 0.0;
+                    }
+                } else {
+                    self.hard = *damping;
+                }
+                return Ok(Some(next));
+            }
+            // Where it was hard before, it is likely to be so again.
+            let least = if is_first {
+                self.hard / HARDER
+            } else {
+                LEAST_DAMPING
+            };
+            *damping = (HARDER * *damping).max(least).max(LEAST_DAMPING);
+            is_first = false;
+        }
+        *damping = FIRST_DAMPING;
+        Ok(None)
+    }
+
+    /// The step with the matrix as it is or, where that is not positive definite, the better
+    /// one of two: with negative terms clamped, and with as much more damping as it takes.
+    /// The first is better far out, the second where the equilibrium is left that the matrix
+    /// belongs to, as in buckling. `None` if it does not lead down.
+    fn best_of(
+        &mut self,
+        at: &Point,
+        damping: f64,
+        reach: f64,
+        is_first: bool,
+    ) -> Result<Option<(Point, bool)>, StaticsError> {
+        let mut found = Vec::new();
+        match self.attempt(at, damping, reach, Projection::None)? {
+            Attempt::Indefinite => {
+                if let Attempt::Solved(point, is_cut) =
+                    self.attempt(at, damping, reach, Projection::Clamp)?
+                {
+                    found.push((point, is_cut));
+                }
+                let change = if is_first { 1.0 / HARDER } else { HARDER };
+                self.shift = (self.shift * change).max(HARDER * damping).max(LEAST_SHIFT);
+                while self.shift < MOST_SHIFT {
+                    match self.attempt(at, self.shift, reach, Projection::None)? {
+                        Attempt::Indefinite => self.shift *= HARDER,
+                        Attempt::Solved(point, is_cut) => {
+                            found.push((point, is_cut));
+                            break;
+                        }
+                        Attempt::Diverged => break,
+                    }
+                }
+            }
+            Attempt::Solved(point, is_cut) => found.push((point, is_cut)),
+            Attempt::Diverged => {}
+        }
+        let energy = |one: &(Point, bool)| one.0.potential.energy;
+        let down = found
+            .into_iter()
+            .filter(|(next, _)| self.leads_down(at, next));
+        Ok(down.min_by(|a, b| energy(a).total_cmp(&energy(b))))
+    }
+
+    /// H + μS. Whether it is positive definite.
+    fn factorize(
+        &mut self,
+        at: &Point,
+        damping: f64,
+        scales: &[f64],
+        projection: Projection,
+    ) -> Result<bool, StaticsError> {
+        self.equations
+            .linearize(&at.x, Some(&at.carried), projection);
+        let of_block = |block: usize| damping * scales[block];
+        let diagonal = self.equations.shifted_diagonal(of_block);
+        let off_diagonal = self.equations.off_diagonal();
+        match self.solver.set_matrix(&diagonal, off_diagonal) {
+            Ok(()) => Ok(true),
+            Err(SolveError::NotPositiveDefinite { .. }) => Ok(false),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    /// Where the step leads.
+    fn attempt(
+        &mut self,
+        start: &Point,
+        damping: f64,
+        reach: f64,
+        projection: Projection,
+    ) -> Result<Attempt, StaticsError> {
+        let system = self.equations.system;
+        let scales = self.equations.scales().to_vec();
+        let mut move_by = vec![Vector3::zeros(); start.x.len()];
+        let mut at = start.clone();
+        let mut most = f64::INFINITY;
+        let mut is_cut = false;
+        for iteration in 0..MOST_CORRECTIONS {
+            if !self.factorize(&at, damping, &scales, projection)? {
+                return Ok(if iteration == 0 {
+                    Attempt::Indefinite
+                } else {
+                    Attempt::Diverged
+                });
+            }
+            let d = &mut move_by[..scales.len()];
+            let moved = at.x.iter().zip(&start.x).map(|(x, start)| x - start);
+            let terms = at.forces.iter().zip(moved).zip(&scales);
+            for (d, ((force, moved), scale)) in d.iter_mut().zip(terms) {
+                *d = force - moved * (damping * scale);
+            }
+            self.solver.solve_in_place(numbers_mut(d), 1e-10)?;
+            self.equations.project(d);
+            let length = largest(d).1;
+            // What is not a number is not shorter.
+            let is_shorter = length <= most;
+            if !is_shorter {
+                return Ok(Attempt::Diverged);
+            }
+            if iteration == 0 && length > reach {
+                is_cut = true;
+                d.iter_mut().for_each(|d| *d *= reach / length);
+            }
+            if iteration > 0 {
+                most = CONTRACTION * length;
+            }
+            let mut carried = vec![0.0; system.n_carried()];
+            system.predict_carried(&at.x, &move_by, 1.0, &mut carried);
+            let x = at.x.iter().zip(&move_by).map(|(x, d)| x + d);
+            at = self.point(x.collect(), carried);
+            let moves: Vec<_> = at.x.iter().zip(&start.x).map(|(x, x0)| x - x0).collect();
+            let is_solved = length <= SOLVED * largest(&moves).1;
+            if is_solved && iteration > 0 || self.leads_down(start, &at) && iteration == 0 {
+                break;
+            }
+        }
+        Ok(Attempt::Solved(at, is_cut))
+    }
+
+    /// Whether the energy decreases or, where rounding hides that, what is left of forces.
+    fn leads_down(&self, at: &Point, next: &Point) -> bool {
+        let change = next.potential.energy - at.potential.energy;
+        let rounding = at.potential.rounding.max(next.potential.rounding);
+        if change < -rounding {
+            return true;
+        }
+        let left = |point: &Point| {
+            let blocks = point.forces.iter().zip(self.equations.scales());
+            blocks
+                .map(|(force, scale)| force.norm_squared() / scale)
+                .sum::<f64>()
+        };
+        change <= rounding && left(next) < 0.5 * left(at)
+    }
+
+    /// Newton's method itself, to where forces are least. Whether they are balanced there.
+    fn polish(&mut self, x: &mut [Vector3<f64>]) -> Result<bool, StaticsError> {
+        let n_free = self.equations.n_free();
+        let mut next = x.to_vec();
+        let mut least = f64::INFINITY;
+        for _ in 0..MOST_POLISHING {
+            let forces = self.equations.forces(&next);
+            let left = largest(&forces).1;
+            // What is not a number is not less.
+            let is_less = left < least;
+            if !is_less {
+                break;
+            }
+            least = left;
+            x.copy_from_slice(&next);
+            self.inertia(&next)?;
+            if self.equations.is_balanced(x, &forces) {
+                return Ok(true);
+            }
+            self.iterations += 1;
+            let mut d = forces;
+            self.indefinite.solve_in_place(numbers_mut(&mut d))?;
+            if largest(&d).1 > 1e-2 * self.size {
+                break;
+            }
+            for (x, d) in next[..n_free].iter_mut().zip(&d) {
+                *x += d;
+            }
+        }
+        Ok(false)
+    }
+
+    /// From where forces are balanced to where they are so up to rounding, as far as stiff
+    /// directions go: what is left of a tension is a stiffness across the spring, which
+    /// must not be taken for one.
+    pub(crate) fn refine(&mut self, x: &mut [Vector3<f64>]) -> Result<(), StaticsError> {
+        let system = self.equations.system;
+        let mut carried = vec![0.0; system.n_carried()];
+        let mut forces = self.equations.forces(x);
+        for _ in 0..MOST_REFINEMENTS {
+            system.carried(x, &mut carried);
+            let at = self.point(x.to_vec(), carried.clone());
+            let scales = self.equations.scales().to_vec();
+            let is_definite = self.factorize(&at, REFINING, &scales, Projection::None)?
+                || self.factorize(&at, REFINING, &scales, Projection::Clamp)?;
+            if !is_definite {
+                break;
+            }
+            let mut d = forces.clone();
+            self.solver.solve_in_place(numbers_mut(&mut d), 1e-10)?;
+            self.equations.project(&mut d);
+            let mut next = x.to_vec();
+            for (x, d) in next.iter_mut().zip(&d) {
+                *x += d;
+            }
+            let left = self.equations.forces(&next);
+            let is_better = largest(&left).1 < 0.5 * largest(&forces).1;
+            if !is_better {
+                break;
+            }
+            self.iterations += 1;
+            x.copy_from_slice(&next);
+            forces = left;
+        }
+        Ok(())
+    }
+
+    /// Pivots of the stiffness at x.
+    pub(crate) fn inertia(&mut self, x: &[Vector3<f64>]) -> Result<Inertia, StaticsError> {
+        self.equations.linearize(x, None, Projection::None);
+        let (diagonal, off_diagonal) = (self.equations.diagonal(), self.equations.off_diagonal());
+        Ok(self.indefinite.set_matrix(diagonal, off_diagonal)?)
+    }
+
+    /// The factor of the last [`Self::inertia`].
+    pub(crate) fn factor(&self) -> &Indefinite {
+        &self.indefinite
+    }
+
+    /// From an unstable equilibrium, whose pivots were counted last, to a lower place
+    /// nearby; `None` if energies do not tell one.
+    pub(crate) fn beside(&self, x: &[Vector3<f64>]) -> Option<Vec<Vector3<f64>>> {
+        let at = self.equations.potential(x);
+        let directions = self.indefinite.negative_directions().take(1);
+        let mut tried = Vec::new();
+        for direction in directions {
+            for exponent in 2..8 {
+                for sign in [1.0, -1.0] {
+                    let length = sign * self.size * 0.1f64.powi(exponent);
+                    let mut beside = x.to_vec();
+                    let moves = direction.as_chunks::<3>().0.iter();
+                    for (x, d) in beside.iter_mut().zip(moves) {
+                        *x += Vector3::from(*d) * length;
+                    }
+                    tried.push(beside);
+                }
+            }
+        }
+        let lower = tried.into_iter().filter_map(|x| {
+            let energy = self.equations.potential(&x).energy;
+            (energy < at.energy - at.rounding).then_some((energy, x))
+        });
+        let lowest = lower.min_by(|a, b| a.0.total_cmp(&b.0));
+        lowest.map(|(_, x)| x)
+    }
+}
