@@ -5,7 +5,7 @@
 //! cargo bench --bench savings
 //! ```
 
-#[path = "../tests/common/mod.rs"]
+#[path = "../crates/springs-step/tests/common/mod.rs"]
 mod common;
 
 use common::append;

@@ -6,7 +6,7 @@
 //! cargo bench --bench stress
 //! ```
 
-#[path = "../tests/common/mod.rs"]
+#[path = "../crates/springs-step/tests/common/mod.rs"]
 mod common;
 
 use common::distance;

@@ -9,7 +9,7 @@
 //! cargo bench --bench tolerance > table.md
 //! ```
 
-#[path = "../tests/common/mod.rs"]
+#[path = "../crates/springs-step/tests/common/mod.rs"]
 mod common;
 
 use common::moving::{moving_scenes, without_middle_mass};

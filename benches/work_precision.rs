@@ -12,7 +12,7 @@
 //! cargo bench --bench work_precision -- 60
 //! ```
 
-#[path = "../tests/common/mod.rs"]
+#[path = "../crates/springs-step/tests/common/mod.rs"]
 mod common;
 
 use common::moving::pendulum;

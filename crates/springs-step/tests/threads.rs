@@ -3,9 +3,9 @@
 mod common;
 
 use common::with;
-use springs::scene::generate::{Material, cloth, disturb};
-use springs::scene::{Method, RunOptions, Scene};
-use springs::step::Simulation;
+use springs_scene::generate::{Material, cloth, disturb};
+use springs_scene::{Method, RunOptions, Scene};
+use springs_step::Simulation;
 
 fn run(scene: &Scene, threads: usize) -> Simulation {
     let options = RunOptions::default().with_threads(threads);

@@ -5,7 +5,7 @@ mod common;
 
 use common::moving::moving_scenes;
 use common::{distance, growth, reference, solved};
-use springs::scene::Method;
+use springs_scene::Method;
 
 /// The error stays within ten times the tolerance, or more where the scene
 /// itself makes errors grow, and falls with it.

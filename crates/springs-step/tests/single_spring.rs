@@ -4,8 +4,8 @@ mod common;
 
 use common::with;
 use nalgebra::Vector3;
-use springs::scene::{Method, Node, Scene};
-use springs::step::{NodeStates, Stepper};
+use springs_scene::{Method, Node, Scene};
+use springs_step::{NodeStates, Stepper};
 
 const K: f64 = 40.0;
 const MASS: f64 = 0.5;

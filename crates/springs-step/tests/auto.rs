@@ -4,9 +4,9 @@ mod common;
 
 use common::moving::{moving_scenes, pendulum};
 use common::{distance, growth, reference};
-use springs::scene::generate::{Material, chain, cloth};
-use springs::scene::{Method, Node, Scene, StepControl, Vector3};
-use springs::step::Simulation;
+use springs_scene::generate::{Material, chain, cloth};
+use springs_scene::{Method, Node, Scene, StepControl, Vector3};
+use springs_step::Simulation;
 
 fn auto(scene: &Scene, tolerance: f64) -> Simulation {
     let mut scene = scene.clone();

@@ -5,8 +5,8 @@ mod common;
 
 use common::{tangle, with};
 use nalgebra::Vector3;
-use springs::scene::{Method, Node, RunOptions, Scene, StepControl, Tangent};
-use springs::step::{NodeStates, Simulation};
+use springs_scene::{Method, Node, RunOptions, Scene, StepControl, Tangent};
+use springs_step::{NodeStates, Simulation};
 
 const METHODS: [Method; 10] = [
     Method::LinearlyImplicitEuler,

@@ -4,8 +4,8 @@ mod common;
 
 use common::{tangle, with};
 use nalgebra::Vector3;
-use springs::scene::{Method, Node, Scene};
-use springs::step::{NodeStates, Stepper};
+use springs_scene::{Method, Node, Scene};
+use springs_step::{NodeStates, Stepper};
 
 /// Two masses on a spring, far from rest and turning.
 fn rotor() -> Scene {

@@ -8,8 +8,8 @@ mod common;
 use common::moving::{chain_of_20, pendulum, with_gravity};
 use common::{distance, with};
 use nalgebra::Vector3;
-use springs::scene::{Method, Node, Scene, StepControl, Tangent};
-use springs::step::{NodeStates, Simulation, Stepper};
+use springs_scene::{Method, Node, Scene, StepControl, Tangent};
+use springs_step::{NodeStates, Simulation, Stepper};
 
 /// 8 × 8 nodes 0.125 m apart, node mass 0.01 kg, two corners fixed.
 fn cloth_8(stiffness: f64) -> Scene {

@@ -4,10 +4,10 @@ mod common;
 
 use common::{after, distance, tangle, with};
 use nalgebra::Vector3;
-use springs::assembly::compile;
-use springs::scene::generate::{Material, cloth};
-use springs::scene::{Method, Scene, Tangent};
-use springs::step::{NodeStates, Simulation, Stepper};
+use springs_assembly::compile;
+use springs_scene::generate::{Material, cloth};
+use springs_scene::{Method, Scene, Tangent};
+use springs_step::{NodeStates, Simulation, Stepper};
 
 /// A tangle that nothing outside touches.
 fn free_tangle(seed: u64) -> Scene {
@@ -103,7 +103,7 @@ fn assert_energy_falls(scene: &Scene, steps: usize, ripple: f64) {
         spring.damping = spring.damping.max(0.2);
     }
     let h = match scene.settings.step {
-        springs::scene::StepControl::Fixed(h) => h,
+        springs_scene::StepControl::Fixed(h) => h,
         _ => unreachable!(),
     };
     let mut stepper = Stepper::new(&scene).unwrap();
@@ -257,8 +257,8 @@ fn an_anchor_set_in_motion_pulls_like_one_that_always_moved() {
 #[test]
 fn a_simulation_goes_on_after_a_stop() {
     struct Stop(f64, Vec<f64>);
-    impl springs::step::Observer for Stop {
-        fn frame(&mut self, frame: springs::step::Frame<'_>) -> std::ops::ControlFlow<()> {
+    impl springs_step::Observer for Stop {
+        fn frame(&mut self, frame: springs_step::Frame<'_>) -> std::ops::ControlFlow<()> {
             self.1.push(frame.time);
             std::ops::ControlFlow::Continue(())
         }

@@ -4,12 +4,12 @@ mod common;
 
 use common::{Random, append, tangle, with};
 use nalgebra::Vector3;
-use springs::scene::generate::{Material, cloth};
-use springs::scene::{
+use springs_scene::generate::{Material, cloth};
+use springs_scene::{
     Guide, Load, Method, NamedMotion, Node, OverTime, PrescribedMotion, RunOptions, Scene,
     StepControl,
 };
-use springs::step::{Frame, Islands, Members, Observer, Peak, properties};
+use springs_step::{Frame, Islands, Members, Observer, Peak, properties};
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
 

@@ -4,9 +4,9 @@ mod common;
 
 use allocation_counter::measure;
 use common::{tangle, with};
-use springs::scene::generate::{Material, block, chain};
-use springs::scene::{Method, Scene, Tangent};
-use springs::step::{NodeStates, Simulation, Stepper};
+use springs_scene::generate::{Material, block, chain};
+use springs_scene::{Method, Scene, Tangent};
+use springs_step::{NodeStates, Simulation, Stepper};
 
 fn variants(scene: &Scene) -> Vec<Scene> {
     let implicit = Tangent::ALL
@@ -27,7 +27,7 @@ fn a_warm_step_allocates_nothing() {
     ];
     for scene in scenes.iter().flat_map(variants) {
         let h = match scene.settings.step {
-            springs::scene::StepControl::Fixed(h) => h,
+            springs_scene::StepControl::Fixed(h) => h,
             _ => unreachable!(),
         };
         let mut stepper = Stepper::new(&scene).unwrap();

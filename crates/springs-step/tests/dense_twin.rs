@@ -6,9 +6,9 @@ mod common;
 
 use common::{distance, largest, tangle, with};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
-use springs::scene::generate::{Material, block, chain, cloth, disturb};
-use springs::scene::{Method, Scene, Tangent};
-use springs::step::{NodeStates, Stepper};
+use springs_scene::generate::{Material, block, chain, cloth, disturb};
+use springs_scene::{Method, Scene, Tangent};
+use springs_step::{NodeStates, Stepper};
 
 struct Twin<'a> {
     scene: &'a Scene,
@@ -20,7 +20,7 @@ struct Twin<'a> {
 
 impl<'a> Twin<'a> {
     fn new(scene: &'a Scene, tangent: Tangent) -> Self {
-        let tension = |spring: &springs::scene::Spring| {
+        let tension = |spring: &springs_scene::Spring| {
             let [a, b] = spring.nodes.map(|node| scene.nodes[node].position);
             spring.stiffness * ((b - a).norm() - spring.rest_length)
         };
@@ -98,7 +98,7 @@ impl<'a> Twin<'a> {
 
     /// Springs with a free end and a negative tension.
     fn count_compressed(&self, nodes: &NodeStates) -> u64 {
-        let compressed = |(index, spring): (usize, &springs::scene::Spring)| {
+        let compressed = |(index, spring): (usize, &springs_scene::Spring)| {
             let [a, b] = spring.nodes;
             let length = (nodes.positions[b] - nodes.positions[a]).norm();
             let negative = match self.tangent {

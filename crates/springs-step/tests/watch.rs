@@ -5,10 +5,10 @@ mod common;
 
 use common::{Random, append, tangle, with};
 use nalgebra::Vector3;
-use springs::assembly::{Compilation, compile_with};
-use springs::scene::generate::{Material, chain};
-use springs::scene::{Method, Node, RunOptions, Scene, StepControl};
-use springs::step::{
+use springs_assembly::{Compilation, compile_with};
+use springs_scene::generate::{Material, chain};
+use springs_scene::{Method, Node, RunOptions, Scene, StepControl};
+use springs_step::{
     Account, Cause, Frame, Islands, NodeStates, Observer, Simulation, State, StepError,
 };
 use std::ops::ControlFlow;

@@ -1,11 +1,11 @@
 //! Systems solved by iteration: as well as directly where that was asked for,
 //! and well enough for the method where not.
 
-use springs::assembly::{Evaluation, OffDiagonal, Projection, Weights, compile};
-use springs::scene::generate::{Material, block, cloth};
-use springs::scene::{LinearTolerance, Method, Node, RunOptions, Scene, StepControl, Vector3};
-use springs::solver::{Options, Solver};
-use springs::step::{Counts, Simulation};
+use springs_assembly::{Evaluation, OffDiagonal, Projection, Weights, compile};
+use springs_scene::generate::{Material, block, cloth};
+use springs_scene::{LinearTolerance, Method, Node, RunOptions, Scene, StepControl, Vector3};
+use springs_solver::{Options, Solver};
+use springs_step::{Counts, Simulation};
 
 /// Positions after half a second, and what it took.
 fn run(

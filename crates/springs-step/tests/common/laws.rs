@@ -1,7 +1,7 @@
 //! Springs with laws.
 
 use super::Random;
-use springs::scene::{Scene, SpringLaw};
+use springs_scene::{Scene, SpringLaw};
 
 /// Each law beside the linear one, with `axial` N of stiffness in strain at rest or
 /// beyond the blend.

@@ -6,9 +6,9 @@ mod common;
 use common::moving::{chain_of_20, pendulum, with_gravity};
 use common::{distance, solved};
 use nalgebra::Vector3;
-use springs::assembly::System;
-use springs::scene::{Method as Name, Node, RunOptions, Scene, StepControl};
-use springs::step::{
+use springs_assembly::System;
+use springs_scene::{Method as Name, Node, RunOptions, Scene, StepControl};
+use springs_step::{
     Anchors, Cause, Doubling, ErrorEstimate, HiddenState, Interval, Method, MethodError,
     NodeStates, Simulation, State, Work,
 };

@@ -3,8 +3,8 @@
 
 use super::tangle;
 use nalgebra::Vector3;
-use springs::scene::generate::{Material, block, chain, cloth, disturb};
-use springs::scene::{Node, Scene};
+use springs_scene::generate::{Material, block, chain, cloth, disturb};
+use springs_scene::{Node, Scene};
 
 pub fn with_gravity(name: &str) -> Scene {
     Scene {

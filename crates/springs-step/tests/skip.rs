@@ -6,9 +6,9 @@ mod common;
 use common::laws::{with_laws, with_mixed_laws};
 use common::{Random, append, distance, tangle};
 use nalgebra::{Rotation3, Vector3};
-use springs::assembly::{Compilation, Motion, compile, compile_with};
-use springs::scene::{Method, Node, RunOptions, Scene, StepControl, Tangent};
-use springs::step::{
+use springs_assembly::{Compilation, Motion, compile, compile_with};
+use springs_scene::{Method, Node, RunOptions, Scene, StepControl, Tangent};
+use springs_step::{
     Cause, Frame, Islands, LinearlyImplicitEuler, NodeStates, Observer, Outcome, Rodas4,
     Simulation, Stepper,
 };
@@ -548,7 +548,7 @@ fn an_anchor_may_get_another_velocity_between_steps() {
             };
             let system = compile_with(&scene, compilation).unwrap();
             let options = RunOptions::default();
-            let own: Box<dyn springs::step::Method> = match tangent {
+            let own: Box<dyn springs_step::Method> = match tangent {
                 Some(tangent) => {
                     Box::new(LinearlyImplicitEuler::new(&system, tangent, &options).unwrap())
                 }
@@ -631,7 +631,7 @@ fn archipelago() -> (Scene, Vec<Scene>) {
             .extend(parts.iter().map(|part| part.nodes[node]));
     }
     for (k, part) in parts.iter().enumerate() {
-        let springs = part.springs.iter().map(|spring| springs::scene::Spring {
+        let springs = part.springs.iter().map(|spring| springs_scene::Spring {
             nodes: spring.nodes.map(|node| node * n_parts + k),
             ..*spring
         });
@@ -860,7 +860,7 @@ fn what_falls_asleep_stands_still() {
         let mut frames = Frames::default();
         let mut islands = Islands::with_options(&scene, &options).unwrap();
         islands.run(100, &mut frames).unwrap();
-        let fell_asleep = |part: &&springs::step::Part| part.asleep_since() > Some(0.0);
+        let fell_asleep = |part: &&springs_step::Part| part.asleep_since() > Some(0.0);
         let mut n_asleep = 0;
         for part in islands.parts().iter().filter(fell_asleep) {
             let since = part.asleep_since().unwrap();

@@ -6,15 +6,15 @@ mod common;
 use common::hard::hard_scenes;
 use common::{Random, distance, tangle, with};
 use nalgebra::{Rotation3, Vector3};
-use springs::scene::{Method, Node, RunOptions, Scene, StepControl};
-use springs::step::{Cause, Islands, NodeStates, SetupError, Stepper};
+use springs_scene::{Method, Node, RunOptions, Scene, StepControl};
+use springs_step::{Cause, Islands, NodeStates, SetupError, Stepper};
 
 fn methods() -> impl Iterator<Item = Method> {
     Method::ALL.iter().copied()
 }
 
 /// The end of a run; `None` if the method refuses the scene.
-fn run(scene: &Scene) -> Option<Result<NodeStates, springs::step::StepError>> {
+fn run(scene: &Scene) -> Option<Result<NodeStates, springs_step::StepError>> {
     let mut islands = match Islands::new(scene) {
         Ok(islands) => islands,
         Err(SetupError::VelocityDependent { .. } | SetupError::Massless { .. }) => return None,
@@ -28,7 +28,7 @@ fn every_method_on_every_hard_scene() {
     for scene in hard_scenes() {
         for method in methods() {
             let scene = Scene {
-                settings: springs::scene::Settings {
+                settings: springs_scene::Settings {
                     method,
                     ..scene.settings
                 },

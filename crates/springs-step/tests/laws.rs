@@ -4,13 +4,13 @@ mod common;
 
 use common::distance;
 use nalgebra::Vector3;
-use springs::assembly::{Emitter, SpringBetween, Springs};
-use springs::math::law::{
+use springs_assembly::{Emitter, SpringBetween, Springs};
+use springs_math::law::{
     Bilinear, CompressionOnly, Law, Point, Polynomial, Power, StrainLimit, Table, TensionOnly,
 };
-use springs::math::spring::Spring;
-use springs::scene::{Method, Node, RunOptions, Scene, StepControl};
-use springs::step::{Outcome, Simulation};
+use springs_math::spring::Spring;
+use springs_scene::{Method, Node, RunOptions, Scene, StepControl};
+use springs_step::{Outcome, Simulation};
 
 const REST_LENGTH: f64 = 1.0;
 

@@ -4,8 +4,8 @@ mod common;
 
 use common::{after, distance, tangle, with};
 use nalgebra::{Rotation3, Vector3};
-use springs::scene::{Guide, Load, Method, Node, OverTime, Scene, StepControl};
-use springs::step::{Islands, Simulation};
+use springs_scene::{Guide, Load, Method, Node, OverTime, Scene, StepControl};
+use springs_step::{Islands, Simulation};
 
 const METHODS: [Method; 10] = [
     Method::LinearlyImplicitEuler,
@@ -80,7 +80,7 @@ fn a_bead_on_a_wire_moves_as_its_equation_says() {
                 assert!(across < 1e-14, "{method}: {across:e} m off the wire");
                 errors.push((at - exact).norm());
             }
-            let order = springs::step::properties(method).unwrap().order;
+            let order = springs_step::properties(method).unwrap().order;
             let gained = (errors[0] / errors[1]).log2();
             let expected = f64::from(order) - 0.5;
             assert!(

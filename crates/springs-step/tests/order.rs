@@ -3,8 +3,8 @@
 mod common;
 
 use common::{after, distance, tangle, with};
-use springs::scene::{Method, Scene, Tangent};
-use springs::step::NodeStates;
+use springs_scene::{Method, Scene, Tangent};
+use springs_step::NodeStates;
 
 /// Runs a method over a fifth of a second.
 fn run(scene: &Scene, method: Method, tangent: Option<Tangent>, steps: usize) -> NodeStates {
@@ -86,7 +86,7 @@ const WITHOUT_DASHPOTS: [Method; 3] = [Method::BlanesMoan4, Method::BlanesMoan6,
 fn methods_that_cannot_treat_dashpots_refuse_them() {
     for method in WITHOUT_DASHPOTS {
         let scene = with(&tangle(8, 3), method, None, 0.01);
-        let error = springs::step::Stepper::new(&scene).err().unwrap();
+        let error = springs_step::Stepper::new(&scene).err().unwrap();
         assert!(
             error.to_string().contains("cannot treat dashpots"),
             "{error}"

@@ -4,8 +4,8 @@ mod common;
 
 use common::{distance, solved};
 use nalgebra::Vector3;
-use springs::scene::{Load, Method, Node, OverTime, Rayleigh, RunOptions, Scene, StepControl};
-use springs::step::{Islands, Outcome, Simulation};
+use springs_scene::{Load, Method, Node, OverTime, Rayleigh, RunOptions, Scene, StepControl};
+use springs_step::{Islands, Outcome, Simulation};
 use std::f64::consts::TAU;
 
 /// A mass on a spring along x, with a dashpot, driven by F sin(2πft).

@@ -2,8 +2,8 @@
 
 use super::Random;
 use nalgebra::Vector3;
-use springs::scene::generate::{Material, block, chain, cloth};
-use springs::scene::{Node, Scene, StepControl};
+use springs_scene::generate::{Material, block, chain, cloth};
+use springs_scene::{Node, Scene, StepControl};
 
 const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
 

@@ -9,8 +9,8 @@ use common::moving::{
 };
 use common::{after, distance, reference, solved, with};
 use nalgebra::Vector3;
-use springs::scene::{Method, Node, RunOptions, Scene, StepControl};
-use springs::step::{Frame, Observer, Outcome, Simulation};
+use springs_scene::{Method, Node, RunOptions, Scene, StepControl};
+use springs_step::{Frame, Observer, Outcome, Simulation};
 use std::ops::ControlFlow;
 
 /// The same scene seen by somebody who moves along x at −`velocity`.
@@ -294,7 +294,7 @@ fn a_pendulum_in_a_moving_frame_swings_alike() {
 /// the parts are from each other.
 #[test]
 fn the_default_tolerance_is_that_of_each_part() {
-    use springs::step::{Islands, Pace};
+    use springs_step::{Islands, Pace};
     let mut scene = pendulum(1e3);
     let mut far = scene.clone();
     for node in &mut far.nodes {
@@ -312,7 +312,7 @@ fn the_default_tolerance_is_that_of_each_part() {
 /// steps of parts that sleep, and a duration of next to nothing.
 #[test]
 fn rounds_come_to_an_end() {
-    use springs::step::Islands;
+    use springs_step::Islands;
     let mut scene = common::moving::with_gravity("two at rest");
     for (x, stiffness) in [(0.0, 100.0), (5.0, 50.0)] {
         let sag = 9.81 / stiffness;

@@ -6,9 +6,9 @@ mod common;
 use common::laws::with_mixed_laws;
 use common::{append, tangle};
 use nalgebra::Vector3;
-use springs::scene::generate::{Material, block, cloth};
-use springs::scene::{Method, Node, RunOptions, Scene, StepControl, Tangent};
-use springs::step::{Account, Frame, Islands, NodeStates, Observer, Outcome};
+use springs_scene::generate::{Material, block, cloth};
+use springs_scene::{Method, Node, RunOptions, Scene, StepControl, Tangent};
+use springs_step::{Account, Frame, Islands, NodeStates, Observer, Outcome};
 use std::ops::ControlFlow;
 
 /// Remembers frames, and stops after some calls, whichever they are.

@@ -5,10 +5,10 @@ mod common;
 
 use common::{append, tangle};
 use nalgebra::Vector3;
-use springs::scene::generate::{Material, block, cloth};
-use springs::scene::{Method, Node, Scene, StepControl};
-use springs::solver::Interrupt;
-use springs::step::{Cause, Frame, Islands, Observer, Outcome, Patience, Simulation};
+use springs_scene::generate::{Material, block, cloth};
+use springs_scene::{Method, Node, Scene, StepControl};
+use springs_solver::Interrupt;
+use springs_step::{Cause, Frame, Islands, Observer, Outcome, Patience, Simulation};
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};

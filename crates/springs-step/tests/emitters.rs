@@ -6,13 +6,13 @@ mod common;
 
 use common::distance;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
-use springs::assembly::{
+use springs_assembly::{
     Compilation, CompileError, Emitter, Evaluation, History, Lines, Loads, Projection,
     SpringBetween, Springs, System, Term, Terms, Weights, compile_with,
 };
-use springs::math::spring::LengthLaw;
-use springs::scene::{Method, Node, RunOptions, Scene, StepControl, Tangent};
-use springs::step::{Outcome, Simulation};
+use springs_math::spring::LengthLaw;
+use springs_scene::{Method, Node, RunOptions, Scene, StepControl, Tangent};
+use springs_step::{Outcome, Simulation};
 
 /// Hardens with its strain: V = ½K(l − l₀)² + ¼Q(l − l₀)⁴.
 #[derive(Clone, Copy)]
