@@ -106,7 +106,10 @@ pub fn report(
             Pace::Fixed(_) => None,
             Pace::Tolerance(tolerance) => Some(tolerance),
         },
-        shortened_last_step: largest.plan().and_then(|plan| plan.shortened),
+        shortened_last_step: largest
+            .plan()
+            .filter(|plan| largest.work().counts.steps >= plan.n_steps())
+            .and_then(|plan| plan.shortened),
         steps: counts.steps,
         rejected_steps: counts.rejected_steps,
         rescued_steps: counts.rescued_steps,

@@ -327,8 +327,9 @@ impl Auto {
         }
         (self.review_cost, self.price) = (cost, best.price);
         let reason = format!(
-            "by trial steps it is the cheapest for this tolerance: about {:.0e} s of work a \
+            "by trial steps {} is the cheapest for this tolerance: about {:.0e} s of work a \
              simulated second, in steps of {:.1e} s",
+            self.candidates[self.current].choice.method,
             1e-9 * best.price,
             best.step_size
         );
