@@ -163,6 +163,8 @@ fn spring(n_nodes: usize) -> impl Strategy<Value = Spring> {
             mass,
             damping,
             law: None,
+            breaks_at: None,
+            broken: false,
         },
     )
 }

@@ -54,7 +54,8 @@ pub use dashpots::Dashpots;
 pub use dofs::Numbering;
 pub use elements::{Element, PointMasses, SpringMasses};
 pub use emitter::{
-    BetweenFixed, Emitter, Evaluation, Nature, Projection, StiffnessKind, Strained, Weights,
+    BetweenFixed, BrokenSpring, Emitter, Evaluation, MemoryUpdate, Nature, Projection,
+    StiffnessKind, Strained, Weights,
 };
 pub use energy::{Energy, Lines};
 pub use loads::{History, Loads};

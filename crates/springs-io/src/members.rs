@@ -35,10 +35,12 @@ static SPRINGS: Table = Table {
 
 fn springs(frame: &TrajectoryFrame<'_>, members: &FrameMembers<'_>, bytes: &mut Vec<u8>) {
     let springs = members.springs.iter().zip(members.tensions);
+    let mut broken = members.broken.iter().peekable();
     for (index, (spring, &tension)) in springs.enumerate() {
         let [a, b] = spring.nodes.map(|node| frame.positions[node]);
         let length = (b - a).norm();
-        let (time, state) = (frame.time, state(tension));
+        let is_broken = broken.next_if_eq(&&index).is_some();
+        let (time, state) = (frame.time, state(tension, is_broken));
         let strain = strain(length, spring.rest_length)
             .map_or(String::new(), |strain| format!("{strain:?}"));
         writeln!(
@@ -54,8 +56,10 @@ fn strain(length: f64, rest_length: f64) -> Option<f64> {
     (rest_length > 0.0).then(|| (length - rest_length) / rest_length)
 }
 
-fn state(tension: f64) -> &'static str {
-    if tension > 0.0 {
+fn state(tension: f64, is_broken: bool) -> &'static str {
+    if is_broken {
+        "broken"
+    } else if tension > 0.0 {
         "taut"
     } else if tension < 0.0 {
         "pushed"

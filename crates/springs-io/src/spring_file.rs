@@ -2,7 +2,7 @@
 
 use crate::scene_file::{List, NodeIndex, Real, Tuple};
 use serde::Deserialize;
-use springs_scene::SpringLaw;
+use springs_scene::{BreakLimit, SpringLaw};
 
 /// A spring. What most scenes do without is apart, so that they pay nothing for it.
 #[derive(Deserialize)]
@@ -23,6 +23,7 @@ pub(crate) struct More {
     pub(crate) pretension: Option<f64>,
     pub(crate) prestrain: Option<f64>,
     pub(crate) force_density: Option<f64>,
+    pub(crate) broken: bool,
     pub(crate) properties: MaterialEntry,
 }
 
@@ -48,6 +49,8 @@ struct SpringFields {
     density: Option<Real>,
     damping_ratio: Option<Real>,
     law: Option<LawEntry>,
+    breaks_at: Option<LimitEntry>,
+    broken: Option<bool>,
 }
 
 impl From<SpringFields> for SpringEntry {
@@ -71,6 +74,8 @@ impl From<SpringFields> for SpringEntry {
             density,
             damping_ratio,
             law,
+            breaks_at,
+            broken,
         } = fields;
         let numbers = [
             pretension,
@@ -84,13 +89,18 @@ impl From<SpringFields> for SpringEntry {
             density,
             damping_ratio,
         ];
-        let has_more = material.is_some() || law.is_some() || numbers.iter().any(Option::is_some);
+        let has_more = material.is_some()
+            || law.is_some()
+            || breaks_at.is_some()
+            || broken.is_some()
+            || numbers.iter().any(Option::is_some);
         let more = has_more.then(|| {
             Box::new(More {
                 material,
                 pretension: number(pretension),
                 prestrain: number(prestrain),
                 force_density: number(force_density),
+                broken: broken.unwrap_or(false),
                 properties: MaterialEntry {
                     axial_stiffness,
                     modulus,
@@ -101,6 +111,7 @@ impl From<SpringFields> for SpringEntry {
                     damping: None,
                     damping_ratio,
                     law,
+                    breaks_at,
                 },
             })
         });
@@ -130,6 +141,24 @@ pub(crate) struct MaterialEntry {
     pub(crate) damping: Option<Real>,
     pub(crate) damping_ratio: Option<Real>,
     pub(crate) law: Option<LawEntry>,
+    pub(crate) breaks_at: Option<LimitEntry>,
+}
+
+/// Where springs break.
+#[derive(Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields, rename = "BreaksAt")]
+pub(crate) enum LimitEntry {
+    Strain(Real),
+    Force(Real),
+}
+
+impl LimitEntry {
+    pub(crate) fn limit(self) -> BreakLimit {
+        match self {
+            Self::Strain(Real(strain)) => BreakLimit::Strain(strain),
+            Self::Force(Real(force)) => BreakLimit::Force(force),
+        }
+    }
 }
 
 #[derive(Clone, Deserialize)]

@@ -4,8 +4,8 @@ use crate::atomic::{Draft, WriteError};
 use crate::scene_file::VERSION;
 use nalgebra::Vector3;
 use springs_scene::{
-    Guide, LinearTolerance, Load, Method, OverTime, PrescribedMotion, Rayleigh, RunOptions, Scene,
-    SpringLaw, StepControl,
+    BreakLimit, Guide, LinearTolerance, Load, Method, OverTime, PrescribedMotion, Rayleigh,
+    RunOptions, Scene, SpringLaw, StepControl,
 };
 use std::fmt::Write as _;
 use std::io::{self, Write};
@@ -81,6 +81,18 @@ fn write_text(scene: &Scene, options: &RunOptions, text: &mut dyn Write) -> io::
         push_number(&mut fields, "damping", spring.damping);
         if let Some(law) = spring.law {
             fields += &format!(", material: {}", material(law));
+        }
+        match spring.breaks_at {
+            None => {}
+            Some(BreakLimit::Strain(strain)) => {
+                fields += &format!(", breaks_at: Strain({})", number(strain));
+            }
+            Some(BreakLimit::Force(force)) => {
+                fields += &format!(", breaks_at: Force({})", number(force));
+            }
+        }
+        if spring.broken {
+            fields += ", broken: true";
         }
         fields
     });

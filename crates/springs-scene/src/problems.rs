@@ -2,8 +2,8 @@
 
 use crate::problem::SHORTEST_STEP;
 use crate::{
-    Guide, Load, Node, OverTime, Path, PrescribedMotion, Problem, RunOptions, Scene, Spring,
-    SpringLaw, StepControl,
+    BreakLimit, Guide, Load, Node, OverTime, Path, PrescribedMotion, Problem, RunOptions, Scene,
+    Spring, SpringLaw, StepControl,
 };
 use nalgebra::Vector3;
 
@@ -71,6 +71,9 @@ impl Scene {
             problems.not_negative(path("damping"), spring.damping);
             if let Some(law) = spring.law {
                 problems.has_law(index, spring, law, &self.laws);
+            }
+            if let Some(limit) = spring.breaks_at {
+                problems.breaks_at(index, spring, limit);
             }
         }
         for (law, fault) in self.laws.iter().map(SpringLaw::fault).enumerate() {
@@ -229,6 +232,17 @@ impl Problems {
         }
     }
 
+    fn breaks_at(&mut self, index: usize, spring: &Spring, limit: BreakLimit) {
+        if !limit.is_possible() {
+            self.0.push(Problem::BreakLimit {
+                spring: index,
+                limit,
+            });
+        } else if matches!(limit, BreakLimit::Strain(_)) && spring.rest_length == 0.0 {
+            self.0.push(Problem::NoBreakingStrain { spring: index });
+        }
+    }
+
     fn motion(&mut self, index: usize, motion: &PrescribedMotion) {
         let path = Path::Motion(index, None);
         match motion {
@@ -373,6 +387,8 @@ mod tests {
             mass: 0.0,
             damping: f64::NAN,
             law: None,
+            breaks_at: None,
+            broken: false,
         };
         scene.springs.push(spring);
         scene.springs.push(Spring {

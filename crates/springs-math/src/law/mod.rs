@@ -29,6 +29,8 @@
 //! r′ is at most 189/125, at u = 3/5. So laws with a ramp are exact on both sides of
 //! it, vanish at l₀ exactly, and are up to 1.512 times as stiff within.
 //!
+//! Any of them ends beyond a [`Limit`] in [`Breaking`].
+//!
 //! ```
 //! use springs_math::law::TensionOnly;
 //! use springs_math::spring::LengthLaw;
@@ -39,10 +41,12 @@
 //! ```
 
 mod blends;
+mod breaking;
 mod powers;
 mod table;
 
 pub use blends::{Bilinear, CompressionOnly, StrainLimit, TensionOnly};
+pub use breaking::{Breaking, Limit};
 pub use powers::{Polynomial, Power};
 pub use table::{Point, Table, TableError};
 

@@ -13,6 +13,8 @@ pub struct Members {
     pub tensions: Vec<f64>,
     /// The force of each support, in the order of the nodes.
     pub reactions: Vec<Reaction>,
+    /// The springs that are broken, ascending.
+    pub broken: Vec<usize>,
 }
 
 /// The force of a support on its node.
@@ -154,6 +156,15 @@ impl Track {
         });
     }
 
+    /// Springs broke at the end of the last step, where the state is.
+    pub(crate) fn clear_broken(&mut self, system: &System, state: &State) {
+        system.clear_broken(&mut self.end);
+        let (peaks, time) = (&mut self.peaks, state.time);
+        for spring in system.broken() {
+            peaks[spring].take(time, 0.0);
+        }
+    }
+
     /// At a fraction of the last step, where the nodes are as in `state`; without the
     /// weight of fixed nodes.
     pub(crate) fn members(&self, system: &System, fraction: f64, state: &State) -> Members {
@@ -179,6 +190,7 @@ impl Track {
         Members {
             tensions,
             reactions,
+            broken: system.broken(),
         }
     }
 
@@ -225,6 +237,7 @@ impl Gathered {
             members: Members {
                 tensions: vec![0.0; n_springs],
                 reactions: Vec::new(),
+                broken: Vec::new(),
             },
         }
     }
@@ -235,6 +248,8 @@ impl Gathered {
         for (k, &spring) in springs.iter().enumerate() {
             all.tensions[spring] = part.tensions[k];
         }
+        all.broken
+            .extend(part.broken.iter().map(|&spring| springs[spring]));
         all.reactions
             .extend(part.reactions.iter().map(|reaction| Reaction {
                 node: nodes[reaction.node],
@@ -245,6 +260,7 @@ impl Gathered {
     /// Nodes that hold several parts have one reaction.
     pub(crate) fn finish(self) -> Members {
         let mut members = self.members;
+        members.broken.sort_unstable();
         members.reactions.sort_by_key(|reaction| reaction.node);
         members.reactions.dedup_by(|next, kept| {
             let is_same = next.node == kept.node;

@@ -24,6 +24,7 @@ impl Simulation {
         if self.interrupt.is_requested() {
             return Err(self.interrupted());
         }
+        self.end_step();
         self.review_method()?;
         let bookmark = self.bookmark();
         let made = match self.schedule {
@@ -42,6 +43,7 @@ impl Simulation {
         let interval = made?;
         self.last = Some(interval);
         self.is_told = false;
+        self.is_end_open = self.system().has_memory();
         Ok(interval)
     }
 
