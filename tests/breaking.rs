@@ -146,10 +146,10 @@ fn a_spring_breaks_at_the_end_of_the_step_in_which_its_limit_is() {
     }
 }
 
-/// Steps by the error: what breaks is what the end of the step says, the rest is free
-/// flight.
+/// Steps by the error end near enough to where a spring breaks for what flies off then to
+/// end within the tolerance; equal steps do not.
 #[test]
-fn steps_by_the_error_go_on_after_a_break() {
+fn steps_by_the_error_end_where_a_spring_breaks() {
     for method in [
         Method::Auto,
         Method::TrBdf2,

@@ -183,6 +183,10 @@ pub trait Emitter: Send + Sync {
     ) {
     }
 
+    /// Hands over the free blocks and the tension, in N, of every spring that
+    /// [`Self::update_memory`] would break at `x`.
+    fn each_breaking(&self, _x: &[Vector3<f64>], _visit: &mut dyn FnMut(&[u32], f64)) {}
+
     /// Hands over the numbers that its terms remember, always in the same order, to be
     /// saved or replaced.
     fn visit_memory(&mut self, _visit: &mut dyn FnMut(&mut f64)) {}

@@ -432,6 +432,15 @@ impl<L: LengthLaw + Clone + Send + Sync> Emitter for Springs<L> {
         }
     }
 
+    fn each_breaking(&self, x: &[Vector3<f64>], visit: &mut dyn FnMut(&[u32], f64)) {
+        for (index, law) in self.laws.iter().enumerate() {
+            let (tension, length) = self.tension_and_length(index, x);
+            if LengthLaw::would_break(law, length) {
+                visit(self.connections.free_ends(index), tension);
+            }
+        }
+    }
+
     fn visit_memory(&mut self, visit: &mut dyn FnMut(&mut f64)) {
         for law in &mut self.laws {
             law.visit_memory(visit);

@@ -54,6 +54,11 @@ pub trait LengthLaw {
         0.0
     }
 
+    /// Whether [`Self::update_memory`] would break it at the length l in m.
+    fn would_break(&self, _length: f64) -> bool {
+        false
+    }
+
     /// Whether it has broken: then it gives nothing any more.
     fn is_broken(&self) -> bool {
         false

@@ -37,7 +37,24 @@ impl System {
         update
     }
 
-    /// The same where the scene begins.
+    /// The largest change of velocity per time, in m/s², that a spring gives a node of it
+    /// which it would break at `x`; `None` if none would.
+    pub fn jump_at(&self, x: &[Vector3<f64>]) -> Option<f64> {
+        let mut jump: Option<f64> = None;
+        for emitter in self.emitters() {
+            emitter.each_breaking(x, &mut |free_blocks, tension| {
+                let masses = free_blocks.iter().map(|&block| self.masses[block as usize]);
+                // Massless nodes have no velocity to change.
+                let jumps = masses
+                    .filter(|&mass| mass > 0.0)
+                    .map(|mass| tension.abs() / mass);
+                jump = Some(jumps.fold(jump.unwrap_or(0.0), f64::max));
+            });
+        }
+        jump
+    }
+
+    /// [`Self::update_memory`] where the scene begins.
     pub(crate) fn break_at_start(&mut self) {
         if self.has_memory {
             let x = std::mem::take(&mut self.initial_positions);

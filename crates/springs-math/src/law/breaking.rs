@@ -100,6 +100,10 @@ impl<L: LengthLaw> LengthLaw for Breaking<L> {
         lost + held
     }
 
+    fn would_break(&self, length: f64) -> bool {
+        !self.is_broken && self.is_beyond(length, None)
+    }
+
     fn is_broken(&self) -> bool {
         self.is_broken
     }
@@ -135,6 +139,7 @@ mod tests {
             let mut spring = spring(limit);
             assert_eq!(spring.update_memory(0.1, None), 0.0);
             assert_eq!(spring.update_memory(2.5, None), 0.0);
+            assert!(!spring.would_break(2.5) && spring.would_break(2.6));
             assert!(!spring.is_broken() && spring.tension(2.5) == 25.0);
             // ½·50·0.75², without rounding.
             assert_eq!(spring.update_memory(2.75, None), 14.0625);

@@ -76,6 +76,11 @@ impl Controller {
         self.allowed_rate * self.duration
     }
 
+    /// Of all steps together, in s.
+    pub(crate) fn duration(&self) -> f64 {
+        self.duration
+    }
+
     /// Time that is left, in s.
     pub(crate) fn left(&self) -> f64 {
         self.left

@@ -10,6 +10,7 @@ mod substeps;
 mod trials;
 mod watch;
 
+use self::breaks::Ahead;
 use crate::control::auto::{Auto, Picked};
 use crate::control::choose::{Start, start};
 use crate::control::controller::Schedule;
@@ -82,6 +83,8 @@ pub struct Simulation {
     /// Whether it is still to be found out what breaks at the end of the last step.
     is_end_open: bool,
     breaks: Vec<Break>,
+    /// Something is known to break soon.
+    ahead: Option<Ahead>,
     /// Room for what a step may have to take back.
     words: Vec<u64>,
 }
@@ -226,6 +229,7 @@ impl Simulation {
             track: None,
             is_end_open: false,
             breaks: Vec::new(),
+            ahead: None,
             words: Vec::new(),
         })
     }

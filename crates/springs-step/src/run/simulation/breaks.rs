@@ -4,9 +4,52 @@
 //! are those of what was whole.
 
 use super::Simulation;
-use crate::HiddenState;
-use crate::control::controller::Schedule;
+use crate::control::controller::{Controller, Schedule};
 use crate::run::breaks::Break;
+use crate::{HiddenState, Interval, Stepper};
+
+/// Something that breaks soon, known from a step that was made and taken back.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Ahead {
+    /// By this time it does, in s.
+    by: f64,
+    /// How late that may be found out, in s.
+    within: f64,
+}
+
+/// The part of the tolerance that is for what breaks late.
+const SHARE: f64 = 0.25;
+/// When something breaks is found to no less than this part of the duration.
+const SHORTEST: f64 = 1e-9;
+
+impl Ahead {
+    /// What breaks at the end of an attempted step that is too long for it: the nodes of a
+    /// spring that breaks so much late fly off until the end with what it gave them
+    /// meanwhile. `None` where methods carry tensions, too, which are those of steps that
+    /// stand.
+    pub(super) fn of(stepper: &Stepper, before: &Controller, step: Interval) -> Option<Self> {
+        let system = stepper.system();
+        if !system.has_memory() || stepper.method().tensions().is_some() {
+            return None;
+        }
+        let jump = system.jump_at(&stepper.state().x)?;
+        let allowed = SHARE * before.tolerance() / (jump * before.left());
+        let within = allowed.max(SHORTEST * before.duration());
+        (step.size > within).then_some(Self {
+            by: step.end,
+            within,
+        })
+    }
+
+    /// The size of a step from `start`, of `h` at most, all in s: half of the way to what
+    /// is ahead until that is near enough.
+    pub(super) fn limit(ahead: Option<Self>, start: f64, h: f64) -> f64 {
+        match ahead.map(|ahead| (ahead.by - start, ahead.within)) {
+            Some((left, within)) if left > 0.0 => h.min((0.5 * left).max(within)),
+            _ => h,
+        }
+    }
+}
 
 impl Simulation {
     /// Springs that are beyond their limits at the end of the last step break, if that is
@@ -22,6 +65,7 @@ impl Simulation {
         if !update.is_abrupt {
             return;
         }
+        self.ahead = None;
         let (system, state) = (self.stepper.system(), self.stepper.state());
         for broken in &update.broken {
             self.ledger.broken_energy += broken.energy;
@@ -63,6 +107,10 @@ impl Simulation {
         }
         self.stepper.visit_memory(state);
         state.flag(&mut self.is_end_open);
+        state.option(&mut self.ahead, |ahead, state| {
+            state.real(&mut ahead.by);
+            state.real(&mut ahead.within);
+        });
         let mut n = self.breaks.len() as u64;
         state.word(&mut n);
         // Each spring breaks once.
