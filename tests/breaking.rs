@@ -388,7 +388,7 @@ fn a_run_goes_on_from_the_scene_that_it_ended_with() {
     first.run(3, &mut ()).unwrap();
     let mut end = scene.clone();
     first.nodes().write_to(&mut end);
-    first.write_broken_to(&mut end);
+    first.write_memory_to(&mut end);
     let broken: Vec<usize> = first.breaks().iter().map(|one| one.spring).collect();
     assert!(broken.len() > 1, "{broken:?}");
     assert!(broken.iter().all(|&spring| end.springs[spring].broken));

@@ -202,6 +202,7 @@ fn mark(kind: &dyn SinkKind, n_frames: usize) -> Mark {
                 springs: &scene.springs,
                 tensions: &tensions,
                 broken: &[],
+                yielded: &[],
                 reactions: &reactions,
             }),
         };

@@ -7,7 +7,9 @@ use common::laws::with_mixed_laws;
 use common::{append, tangle};
 use nalgebra::Vector3;
 use springs::scene::generate::{Material, block, cloth};
-use springs::scene::{BreakLimit, Method, Node, RunOptions, Scene, StepControl, Tangent};
+use springs::scene::{
+    BreakLimit, Method, Node, RunOptions, Scene, SpringLaw, StepControl, Tangent,
+};
 use springs::step::{Account, Frame, Islands, NodeStates, Observer, Outcome};
 use std::ops::ControlFlow;
 
@@ -180,6 +182,27 @@ fn springs_that_break() {
             scene.settings.method = method;
             check(&scene, 3);
         }
+    }
+}
+
+#[test]
+fn springs_that_yield() {
+    for &method in Method::ALL {
+        let mut scene = undamped(9, 3);
+        scene.laws = vec![SpringLaw::Plastic {
+            yields_at: 3.0,
+            hardening: 1.0,
+        }];
+        for spring in scene.springs.iter_mut().step_by(2) {
+            spring.law = Some(0);
+        }
+        scene.settings.method = method;
+        scene.settings.step = StepControl::Fixed(5e-3);
+        scene.settings.duration = 0.1433;
+        check(&scene, 3);
+        let mut islands = Islands::new(&scene).unwrap();
+        islands.run(INTERVALS, &mut ()).unwrap();
+        assert!(islands.ledger().broken_energy > 0.1, "{method}");
     }
 }
 

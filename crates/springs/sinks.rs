@@ -131,6 +131,7 @@ impl Sinks {
                 springs: &self.springs,
                 tensions: &members.tensions,
                 broken: &members.broken,
+                yielded: &members.yielded,
                 reactions: &reactions,
             }),
         };

@@ -195,6 +195,9 @@ pub trait Emitter: Send + Sync {
     /// made from, ascending.
     fn each_broken(&self, _visit: &mut dyn FnMut(usize)) {}
 
+    /// Hands over its springs that have yielded, in any order, and by how much, in m.
+    fn each_yielded(&self, _visit: &mut dyn FnMut(usize, f64)) {}
+
     /// Takes note of all springs of the scene that are broken, ascending: what goes with
     /// them, such as their dashpots, gives nothing as long as they are.
     fn follow_broken(&mut self, _springs: &[usize]) {}

@@ -3,8 +3,8 @@
 use crate::{CompileError, SpringBetween, Springs};
 use springs_math::dashpot::Fading;
 use springs_math::law::{
-    Bilinear, Breaking, CompressionOnly, Law, Limit, Point, Polynomial, Power, StrainLimit, Table,
-    TableError, TensionOnly,
+    Bilinear, Breaking, CompressionOnly, Law, Limit, Plastic, Point, Polynomial, Power,
+    StrainLimit, Table, TableError, TensionOnly,
 };
 use springs_math::spring::{self, LengthLaw};
 use springs_scene::{BreakLimit, Scene, Spring, SpringLaw};
@@ -97,6 +97,16 @@ fn law_of(spring: &Spring, law: &SpringLaw, table: &mut Option<Table>) -> Result
             strain,
             stiffness: more,
             blend,
+        }),
+        SpringLaw::Plastic {
+            yields_at,
+            hardening,
+        } => Law::Plastic(Plastic {
+            stiffness,
+            rest_length,
+            yields_at,
+            hardening,
+            elongation: spring.yielded,
         }),
         SpringLaw::Power { exponent } => Law::Power(Power {
             stiffness,

@@ -455,6 +455,15 @@ impl<L: LengthLaw + Clone + Send + Sync> Emitter for Springs<L> {
         broken.into_iter().for_each(visit);
     }
 
+    fn each_yielded(&self, visit: &mut dyn FnMut(usize, f64)) {
+        for (&spring, law) in self.index.iter().zip(&self.laws) {
+            let elongation = LengthLaw::elongation(law);
+            if elongation != 0.0 {
+                visit(spring, elongation);
+            }
+        }
+    }
+
     fn clear_broken(&self, carried: &mut [f64]) {
         let broken = carried.iter_mut().zip(&self.laws);
         let broken = broken.filter(|(_, law)| law.is_broken());

@@ -36,11 +36,13 @@ static SPRINGS: Table = Table {
 fn springs(frame: &TrajectoryFrame<'_>, members: &FrameMembers<'_>, bytes: &mut Vec<u8>) {
     let springs = members.springs.iter().zip(members.tensions);
     let mut broken = members.broken.iter().peekable();
+    let mut yielded = members.yielded.iter().peekable();
     for (index, (spring, &tension)) in springs.enumerate() {
         let [a, b] = spring.nodes.map(|node| frame.positions[node]);
         let length = (b - a).norm();
         let is_broken = broken.next_if_eq(&&index).is_some();
-        let (time, state) = (frame.time, state(tension, is_broken));
+        let has_yielded = yielded.next_if_eq(&&index).is_some();
+        let (time, state) = (frame.time, state(tension, is_broken, has_yielded));
         let strain = strain(length, spring.rest_length)
             .map_or(String::new(), |strain| format!("{strain:?}"));
         writeln!(
@@ -56,9 +58,11 @@ fn strain(length: f64, rest_length: f64) -> Option<f64> {
     (rest_length > 0.0).then(|| (length - rest_length) / rest_length)
 }
 
-fn state(tension: f64, is_broken: bool) -> &'static str {
+fn state(tension: f64, is_broken: bool, has_yielded: bool) -> &'static str {
     if is_broken {
         "broken"
+    } else if has_yielded {
+        "yielded"
     } else if tension > 0.0 {
         "taut"
     } else if tension < 0.0 {

@@ -175,7 +175,7 @@ pub struct EnergyReport {
     pub dashpot_heat: f64,
     /// Work of loads.
     pub load_work: f64,
-    /// What broken springs held when they broke.
+    /// What broken springs held when they broke, and the work of yielding.
     pub broken_energy: f64,
     /// The rest: gain of the method itself, negative for a loss. Heat and work
     /// are integrated from step ends, to order 2 at most; what that misses is

@@ -150,6 +150,8 @@ pub struct FrameMembers<'a> {
     pub tensions: &'a [f64],
     /// The broken ones among them, ascending.
     pub broken: &'a [usize],
+    /// Those that have yielded, ascending.
+    pub yielded: &'a [usize],
     /// Nodes and the forces of their supports on them, in N.
     pub reactions: &'a [(usize, Vector3<f64>)],
 }
@@ -184,7 +186,7 @@ pub struct FrameEnergies {
     pub load_work: f64,
     /// Gain of the method itself since the start, negative for a loss.
     pub method_gain: f64,
-    /// What broken springs held when they broke.
+    /// What broken springs held when they broke, and the work of yielding.
     pub broken_energy: f64,
 }
 

@@ -24,6 +24,7 @@ pub(crate) struct More {
     pub(crate) prestrain: Option<f64>,
     pub(crate) force_density: Option<f64>,
     pub(crate) broken: bool,
+    pub(crate) yielded: f64,
     pub(crate) properties: MaterialEntry,
 }
 
@@ -51,6 +52,7 @@ struct SpringFields {
     law: Option<LawEntry>,
     breaks_at: Option<LimitEntry>,
     broken: Option<bool>,
+    yielded: Option<Real>,
 }
 
 impl From<SpringFields> for SpringEntry {
@@ -76,6 +78,7 @@ impl From<SpringFields> for SpringEntry {
             law,
             breaks_at,
             broken,
+            yielded,
         } = fields;
         let numbers = [
             pretension,
@@ -88,6 +91,7 @@ impl From<SpringFields> for SpringEntry {
             mass_per_length,
             density,
             damping_ratio,
+            yielded,
         ];
         let has_more = material.is_some()
             || law.is_some()
@@ -101,6 +105,7 @@ impl From<SpringFields> for SpringEntry {
                 prestrain: number(prestrain),
                 force_density: number(force_density),
                 broken: broken.unwrap_or(false),
+                yielded: number(yielded).unwrap_or(0.0),
                 properties: MaterialEntry {
                     axial_stiffness,
                     modulus,
@@ -185,6 +190,10 @@ pub(crate) enum LawEntry {
     Power {
         exponent: Real,
     },
+    Plastic {
+        yields_at: Real,
+        hardening: Option<Real>,
+    },
 }
 
 impl LawEntry {
@@ -214,6 +223,13 @@ impl LawEntry {
                 strain: strain.0,
                 stiffness: stiffness.0,
                 blend: blend(given),
+            },
+            Self::Plastic {
+                yields_at,
+                hardening,
+            } => SpringLaw::Plastic {
+                yields_at: yields_at.0,
+                hardening: hardening.map_or(0.0, |real| real.0),
             },
             Self::Power { exponent } => SpringLaw::Power {
                 exponent: exponent.0,

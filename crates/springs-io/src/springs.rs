@@ -264,6 +264,7 @@ impl SpringReader<'_> {
             law: None,
             breaks_at: None,
             broken: false,
+            yielded: 0.0,
         };
         if let Some(more) = &entry.more {
             self.resolve(index, entry, more, length, &mut spring);
@@ -334,6 +335,7 @@ impl SpringReader<'_> {
         let common = common.filter(|limit| limit.limit().is_possible());
         spring.breaks_at = more.properties.breaks_at.or(common).map(LimitEntry::limit);
         spring.broken = more.broken;
+        spring.yielded = more.yielded;
         let Some(means) = self.means(index, entry, &more.properties, material) else {
             return;
         };

@@ -91,6 +91,7 @@ fn write_text(scene: &Scene, options: &RunOptions, text: &mut dyn Write) -> io::
                 fields += &format!(", breaks_at: Force({})", number(force));
             }
         }
+        push_number(&mut fields, "yielded", spring.yielded);
         if spring.broken {
             fields += ", broken: true";
         }
@@ -181,6 +182,13 @@ fn law_text(law: &SpringLaw) -> String {
         } => {
             let [strain, stiffness, blend] = [strain, stiffness, blend].map(|x| number(*x));
             format!("{name}(strain: {strain}, stiffness: {stiffness}, blend: {blend})")
+        }
+        SpringLaw::Plastic {
+            yields_at,
+            hardening,
+        } => {
+            let (yields_at, hardening) = (number(*yields_at), number(*hardening));
+            format!("{name}(yields_at: {yields_at}, hardening: {hardening})")
         }
         SpringLaw::Power { exponent } => format!("{name}(exponent: {})", number(*exponent)),
         SpringLaw::Polynomial(coefficients) => {

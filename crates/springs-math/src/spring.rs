@@ -64,6 +64,11 @@ pub trait LengthLaw {
         false
     }
 
+    /// How much longer it is for good than when it was new, in m.
+    fn elongation(&self) -> f64 {
+        0.0
+    }
+
     /// Hands over the numbers that it remembers, always in the same order, to be saved or
     /// replaced.
     fn visit_memory(&mut self, _visit: &mut dyn FnMut(&mut f64)) {}
@@ -100,9 +105,12 @@ impl<L: LengthLaw> LengthLaw for &L {
         L::is_convex(self)
     }
 
-    #[inline(always)]
     fn is_broken(&self) -> bool {
         L::is_broken(self)
+    }
+
+    fn elongation(&self) -> f64 {
+        L::elongation(self)
     }
 }
 

@@ -120,6 +120,19 @@ pub enum Problem {
         /// That of its law, in N/m.
         own: f64,
     },
+    /// A spring is stiffer while it yields than before.
+    #[error(
+        "the hardening of the law of spring {spring}, {hardening:?} N/m, must be below its \
+         stiffness, which is {stiffness:?} N/m"
+    )]
+    HardensTooMuch {
+        /// The spring.
+        spring: usize,
+        /// That of its law, in N/m.
+        hardening: f64,
+        /// Its K, in N/m.
+        stiffness: f64,
+    },
     /// A spring cannot break where it should.
     #[error(
         "the {} at which spring {spring} breaks must be finite and not negative, but is {}",
@@ -287,7 +300,9 @@ impl Problem {
             Self::TooStrained { spring } | Self::OtherStiffness { spring, .. } => {
                 Path::Spring(spring, Some("stiffness"))
             }
-            Self::NoSuchLaw { spring, .. } => Path::Spring(spring, Some("law")),
+            Self::NoSuchLaw { spring, .. } | Self::HardensTooMuch { spring, .. } => {
+                Path::Spring(spring, Some("law"))
+            }
             Self::Law { law, .. } => Path::Law(law),
             Self::NoStrain { spring } => Path::Spring(spring, Some("rest_length")),
             Self::BreakLimit { spring, .. } | Self::NoBreakingStrain { spring } => {
@@ -305,6 +320,7 @@ impl Problem {
             Self::NoSuchMotion { .. } => Some("motions are counted from 0"),
             Self::NoSuchLaw { .. } => Some("laws are counted from 0"),
             Self::Law { fault, .. } => fault.advice(),
+            Self::HardensTooMuch { .. } => Some("it is the stiffness while the spring yields"),
             Self::NoBreakingStrain { .. } => Some("give it a rest_length, or break it at a Force"),
             Self::OtherStiffness { .. } => Some("leave the stiffness out"),
             Self::MovesFreely { .. } => Some("write fixed: true, or leave the motion out"),

@@ -72,6 +72,7 @@ impl Scene {
             if let Some(law) = spring.law {
                 problems.has_law(index, spring, law, &self.laws);
             }
+            problems.all_finite(path("yielded"), &[spring.yielded]);
             if let Some(limit) = spring.breaks_at {
                 problems.breaks_at(index, spring, limit);
             }
@@ -214,6 +215,16 @@ impl Problems {
             rest_length,
             ..
         } = *spring;
+        if let SpringLaw::Plastic { hardening, .. } = *found
+            && found.fault().is_none()
+            && hardening >= stiffness
+        {
+            return self.0.push(Problem::HardensTooMuch {
+                spring: index,
+                hardening,
+                stiffness,
+            });
+        }
         if !found.needs_rest_length() || found.fault().is_some() {
             return;
         }
@@ -389,6 +400,7 @@ mod tests {
             law: None,
             breaks_at: None,
             broken: false,
+            yielded: 0.0,
         };
         scene.springs.push(spring);
         scene.springs.push(Spring {

@@ -111,6 +111,8 @@ pub struct Spring {
     pub breaks_at: Option<BreakLimit>,
     /// Whether it has broken: then only its mass is left of it.
     pub broken: bool,
+    /// How much longer it is for good than when it was new, in m, where its law yields.
+    pub yielded: f64,
 }
 
 /// Where a spring breaks. That is decided at the ends of steps.
@@ -246,6 +248,7 @@ impl Scene {
             law: None,
             breaks_at: None,
             broken: false,
+            yielded: 0.0,
         });
         self.springs.len() - 1
     }

@@ -14,7 +14,7 @@ pub struct Ledger {
     pub anchor_work: f64,
     /// Work done by loads.
     pub load_work: f64,
-    /// What springs held that broke.
+    /// What springs held that broke, and the work of yielding.
     pub broken_energy: f64,
 }
 

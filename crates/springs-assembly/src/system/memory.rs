@@ -81,6 +81,16 @@ impl System {
         broken
     }
 
+    /// The springs of the scene that have yielded, ascending, and by how much, in m.
+    pub fn yielded(&self) -> Vec<(usize, f64)> {
+        let mut yielded = Vec::new();
+        for emitter in self.emitters().take(Lines::OTHERS) {
+            emitter.each_yielded(&mut |spring, elongation| yielded.push((spring, elongation)));
+        }
+        yielded.sort_by_key(|(spring, _)| *spring);
+        yielded
+    }
+
     fn follow_broken(&mut self) {
         let broken = self.broken();
         for emitter in &mut self.emitters {

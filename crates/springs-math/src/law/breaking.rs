@@ -108,6 +108,10 @@ impl<L: LengthLaw> LengthLaw for Breaking<L> {
         self.is_broken
     }
 
+    fn elongation(&self) -> f64 {
+        self.law.elongation()
+    }
+
     fn visit_memory(&mut self, visit: &mut dyn FnMut(&mut f64)) {
         let mut is_broken = f64::from(u8::from(self.is_broken));
         visit(&mut is_broken);

@@ -15,6 +15,8 @@ pub struct Members {
     pub reactions: Vec<Reaction>,
     /// The springs that are broken, ascending.
     pub broken: Vec<usize>,
+    /// The springs that have yielded, ascending.
+    pub yielded: Vec<usize>,
 }
 
 /// The force of a support on its node.
@@ -191,6 +193,7 @@ impl Track {
             tensions,
             reactions,
             broken: system.broken(),
+            yielded: system.yielded().iter().map(|(spring, _)| *spring).collect(),
         }
     }
 
@@ -238,6 +241,7 @@ impl Gathered {
                 tensions: vec![0.0; n_springs],
                 reactions: Vec::new(),
                 broken: Vec::new(),
+                yielded: Vec::new(),
             },
         }
     }
@@ -248,8 +252,9 @@ impl Gathered {
         for (k, &spring) in springs.iter().enumerate() {
             all.tensions[spring] = part.tensions[k];
         }
-        all.broken
-            .extend(part.broken.iter().map(|&spring| springs[spring]));
+        let in_scene = |&spring: &usize| springs[spring];
+        all.broken.extend(part.broken.iter().map(in_scene));
+        all.yielded.extend(part.yielded.iter().map(in_scene));
         all.reactions
             .extend(part.reactions.iter().map(|reaction| Reaction {
                 node: nodes[reaction.node],
@@ -261,6 +266,7 @@ impl Gathered {
     pub(crate) fn finish(self) -> Members {
         let mut members = self.members;
         members.broken.sort_unstable();
+        members.yielded.sort_unstable();
         members.reactions.sort_by_key(|reaction| reaction.node);
         members.reactions.dedup_by(|next, kept| {
             let is_same = next.node == kept.node;

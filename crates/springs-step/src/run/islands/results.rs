@@ -50,15 +50,20 @@ impl Islands {
         breaks
     }
 
-    /// Marks the springs of a scene, which is that of the run, that are broken now.
+    /// Writes into the springs of a scene, which is that of the run, what is broken or has
+    /// yielded, so that it continues from here.
     ///
     /// # Panics
     ///
     /// If the scene has fewer springs.
-    pub fn write_broken_to(&self, scene: &mut Scene) {
+    pub fn write_memory_to(&self, scene: &mut Scene) {
         for part in &self.parts {
-            for spring in part.simulation.system().broken() {
-                scene.springs[part.island.springs[spring]].broken = true;
+            let (system, springs) = (part.simulation.system(), &part.island.springs);
+            for spring in system.broken() {
+                scene.springs[springs[spring]].broken = true;
+            }
+            for (spring, elongation) in system.yielded() {
+                scene.springs[springs[spring]].yielded = elongation;
             }
         }
     }

@@ -88,18 +88,6 @@ impl Simulation {
         &self.breaks
     }
 
-    /// Marks the springs of a scene, which is that of the simulation, that are broken
-    /// now.
-    ///
-    /// # Panics
-    ///
-    /// If the scene has fewer springs.
-    pub fn write_broken_to(&self, scene: &mut springs_scene::Scene) {
-        for spring in self.system().broken() {
-            scene.springs[spring].broken = true;
-        }
-    }
-
     /// Hands over what broke; nothing where nothing can.
     pub(super) fn visit_breaks(&mut self, state: &mut HiddenState) {
         if !self.system().has_memory() {
