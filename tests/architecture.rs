@@ -118,7 +118,7 @@ fn packages_hold_what_they_should() {
         "examples/power_line.rs",
         "examples/scenes/power-line.ron",
         "benches/step.rs",
-        "tests/dense_twin.rs",
+        "tests/command_line.rs",
         "README.md",
         "LICENSE-MIT",
         "LICENSE-APACHE",

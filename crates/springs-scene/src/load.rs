@@ -75,6 +75,23 @@ impl OverTime {
         }
     }
 
+    /// Times in s at which the rate jumps.
+    pub fn kinks(&self) -> Vec<f64> {
+        match self {
+            Self::Constant | Self::Sine { .. } => Vec::new(),
+            Self::Ramp { from, to } => vec![*from, *to],
+            Self::Table(points) => points.iter().map(|[time, _]| *time).collect(),
+        }
+    }
+
+    /// In s; infinite where nothing is repeated.
+    pub fn period(&self) -> f64 {
+        match self {
+            Self::Sine { frequency, .. } => frequency.abs().recip(),
+            Self::Constant | Self::Ramp { .. } | Self::Table(_) => f64::INFINITY,
+        }
+    }
+
     /// The same for somebody whose time begins `start` s later.
     pub fn after(&self, start: f64) -> Self {
         match self {

@@ -74,6 +74,22 @@ impl PrescribedMotion {
         }
     }
 
+    /// Times in s at which the acceleration jumps.
+    pub fn kinks(&self) -> Vec<f64> {
+        match self {
+            Self::Sine { .. } => Vec::new(),
+            Self::Table(points) => points.iter().map(|(time, _)| *time).collect(),
+        }
+    }
+
+    /// In s; infinite where nothing is repeated.
+    pub fn period(&self) -> f64 {
+        match self {
+            Self::Sine { frequency, .. } => frequency.abs().recip(),
+            Self::Table(_) => f64::INFINITY,
+        }
+    }
+
     /// The same for somebody whose time begins `start` s later.
     pub fn after(&self, start: f64) -> Self {
         match self {

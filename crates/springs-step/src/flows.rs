@@ -156,6 +156,8 @@ pub(crate) struct Impulses {
     forces: Vec<Vector3<f64>>,
     /// Work of anchors against other forces, in J.
     work: f64,
+    /// Work of loads that was added kick by kick, in J.
+    work_of_loads: f64,
     anchors_move: bool,
 }
 
@@ -188,6 +190,7 @@ impl Impulses {
             loads: vec![Vector3::zeros(); n_loaded],
             forces: zeros,
             work: 0.0,
+            work_of_loads: 0.0,
             anchors_move: false,
         }
     }
@@ -201,6 +204,7 @@ impl Impulses {
             damping.impulses.fill(Vector3::zeros());
         }
         self.work = 0.0;
+        self.work_of_loads = 0.0;
         self.anchors_move = system.any_anchor_moves(v);
     }
 
@@ -218,8 +222,19 @@ impl Impulses {
         x: &[Vector3<f64>],
         v: &[Vector3<f64>],
     ) {
-        self.add_damping(system, weight, x, v);
         self.add_loads(system, weight, time);
+        self.add_all_but_loads(system, weight, x, v);
+    }
+
+    /// The same without loads.
+    pub(crate) fn add_all_but_loads(
+        &mut self,
+        system: &System,
+        weight: f64,
+        x: &[Vector3<f64>],
+        v: &[Vector3<f64>],
+    ) {
+        self.add_damping(system, weight, x, v);
         if self.anchors_move {
             self.add_anchor_work(weight * system.anchor_power(x, v));
         }
@@ -258,6 +273,27 @@ impl Impulses {
         }
     }
 
+    /// The work of loads at a time in s during a kick of `weight` in s by the
+    /// accelerations `a`, from the velocities `v`: exact, whatever else acts.
+    pub(crate) fn add_kick(
+        &mut self,
+        system: &System,
+        weight: f64,
+        time: f64,
+        (v, a): (&[Vector3<f64>], &[Vector3<f64>]),
+    ) {
+        if self.loads.is_empty() {
+            return;
+        }
+        let forces = &mut self.forces[..self.loads.len()];
+        forces.fill(Vector3::zeros());
+        system.add_loads(time, forces);
+        let half = 0.5 * weight;
+        for (force, (v, a)) in forces.iter().zip(v.iter().zip(a)) {
+            self.work_of_loads += weight * force.dot(&(v + a * half));
+        }
+    }
+
     /// Work of anchors against forces that depend on positions alone, in J.
     pub(crate) fn add_anchor_work(&mut self, work: f64) {
         self.work += work;
@@ -269,7 +305,7 @@ impl Impulses {
         let mut flows = Flows {
             heat: Lines::default(),
             anchor_work: self.work,
-            load_work: 0.0,
+            load_work: self.work_of_loads,
         };
         for (impulse, (before, after)) in self.loads.iter().zip(self.start.iter().zip(v)) {
             flows.load_work += 0.5 * impulse.dot(&(before + after));

@@ -206,3 +206,75 @@ fn rayleigh_damping_and_own_drag_decay_as_they_should() {
         }
     }
 }
+
+/// A mass on a spring at rest, and a force in the midst of the run.
+fn pushed_late(over_time: OverTime) -> Scene {
+    let mut scene = Scene::default();
+    scene.add_node(Node::fixed(Vector3::zeros()));
+    scene.add_node(Node {
+        mass: 2.0,
+        ..Node::at(Vector3::x())
+    });
+    let spring = scene.add_spring(0, 1, 200.0);
+    scene.springs[spring].rest_length = 1.0;
+    scene.loads.push(Load {
+        nodes: vec![1],
+        force: Vector3::new(4000.0, 0.0, 0.0),
+        over_time,
+    });
+    scene.settings.duration = 3.0;
+    scene
+}
+
+/// A push of 4 N·s within 2 ms, 2 s after the start: an amplitude of p/√(Km) = 0.2 m,
+/// and an energy of p²/2m = 4 J.
+#[test]
+fn nothing_that_happens_between_long_steps_is_passed_over() {
+    let push = OverTime::Table(vec![[2.0, 0.0], [2.001, 1.0], [2.002, 0.0]]);
+    for method in [
+        Method::Auto,
+        Method::TrBdf2,
+        Method::ImplicitMidpoint,
+        Method::FilteredLeapfrog,
+        Method::Rodas4,
+        Method::VelocityVerlet,
+        Method::BlanesMoan4,
+        Method::BlanesMoan6,
+        Method::Dop853,
+    ] {
+        let mut scene = pushed_late(push.clone());
+        scene.settings.method = method;
+        scene.settings.step = StepControl::Tolerance(1e-3);
+        let mut simulation = Simulation::new(&scene).unwrap();
+        simulation.run(1, &mut ()).unwrap();
+        // Pushed in the mean at 2.001 s.
+        let expected = 1.0 + 0.2 * (10.0_f64 * 0.999).sin();
+        let off = (simulation.nodes().positions[1].x - expected).abs();
+        assert!(off < 1e-3, "{method}: {off:e} m");
+        let work = simulation.ledger().load_work;
+        assert!((work - 4.0).abs() < 0.05, "{method}: {work} J");
+    }
+}
+
+/// The work of loads is what they did in each kick, not the mean over a step.
+#[test]
+fn the_work_of_loads_is_that_of_every_stage() {
+    for (method, allowed) in [(Method::BlanesMoan4, 1e-3), (Method::BlanesMoan6, 1e-4)] {
+        let mut scene = pushed_late(OverTime::Sine {
+            frequency: 1.0,
+            phase: 0.3,
+        });
+        scene.loads[0].force.x = 4.0;
+        scene.settings.method = method;
+        scene.settings.step = StepControl::Fixed(0.1);
+        let mut simulation = Simulation::new(&scene).unwrap();
+        simulation.run(1, &mut ()).unwrap();
+        let gain = simulation.ledger().method_gain(&simulation.energy());
+        let moved = simulation.energy().total();
+        assert!(moved > 0.05, "{moved} J");
+        assert!(
+            gain.abs() < allowed * moved,
+            "{method}: {gain:e} of {moved} J"
+        );
+    }
+}

@@ -7,4 +7,5 @@ pub(crate) mod choose;
 pub(crate) mod controller;
 pub(crate) mod costs;
 pub(crate) mod plan;
+pub(crate) mod timetable;
 pub(crate) mod trials;

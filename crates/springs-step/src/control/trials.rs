@@ -12,6 +12,8 @@ pub(crate) struct Trials<'a> {
     /// Hears how many steps were made, and may stop them.
     watch: &'a mut dyn FnMut(u64) -> ControlFlow<()>,
     steps: u64,
+    /// Of the coarsest run with equal steps.
+    fewest_steps: u64,
     /// What they did so far.
     pub(crate) work: Work,
 }
@@ -38,11 +40,13 @@ impl<'a> Trials<'a> {
     pub(crate) fn new(
         interrupt: &'a Interrupt,
         watch: &'a mut dyn FnMut(u64) -> ControlFlow<()>,
+        fewest_steps: u64,
     ) -> Self {
         Self {
             interrupt,
             watch,
             steps: 0,
+            fewest_steps: fewest_steps.next_power_of_two().max(FEWEST),
             work: Work::default(),
         }
     }
@@ -75,7 +79,8 @@ impl std::fmt::Display for EqualSteps {
     }
 }
 
-/// Steps of the coarsest trial run, and times at which runs are compared.
+/// Steps of the coarsest trial run, or more where loads and motions change in between,
+/// and times at which runs are compared.
 const FEWEST: u64 = 8;
 /// Where errors fall as the order says, predictions are trusted this much
 /// further.
@@ -114,7 +119,7 @@ pub(crate) fn equal_steps(
     let mut coarse: Option<Samples> = None;
     let mut coarse_error = f64::INFINITY;
     let mut was_regular = false;
-    let (mut n, mut made, mut failures) = (FEWEST, 0.0, 0);
+    let (mut n, mut made, mut failures) = (trials.fewest_steps, 0.0, 0);
     loop {
         made += n as f64;
         if made > affordable || failures == MOST_FAILURES {

@@ -180,7 +180,8 @@ impl Method for Splitting {
         };
         let first_kick = self.kicks[0] * h;
         self.impulses
-            .add(system, first_kick, interval.start, &state.x, seen);
+            .add_all_but_loads(system, first_kick, &state.x, seen);
+        let mut kicked_at = interval.start;
         let (start, next) = (&self.accelerations, &mut self.next_accelerations);
         let mut elapsed = 0.0;
         for (stage, drift) in self.drifts.iter().enumerate() {
@@ -188,6 +189,8 @@ impl Method for Splitting {
             let drift = drift * h;
             elapsed += drift;
             let now = if stage == 0 { start } else { &*next };
+            self.impulses
+                .add_kick(system, kick, kicked_at, (&state.v, now));
             let moving = state.x.iter_mut().zip(&mut state.v);
             for (a, (x, v)) in now.iter().zip(moving) {
                 *v += a * kick;
@@ -210,9 +213,13 @@ impl Method for Splitting {
             }
             let seen = if is_damped { &self.seen } else { &state.v };
             Self::accelerate(system, (time, &state.x, seen), next, work);
-            self.impulses.add(system, next_kick, time, &state.x, seen);
+            self.impulses
+                .add_all_but_loads(system, next_kick, &state.x, seen);
+            kicked_at = time;
         }
         let last_kick = self.kicks[self.drifts.len()] * h;
+        let last = (&state.v[..], &self.next_accelerations[..]);
+        self.impulses.add_kick(system, last_kick, kicked_at, last);
         for (v, a) in state.v.iter_mut().zip(&self.next_accelerations) {
             *v += a * last_kick;
         }

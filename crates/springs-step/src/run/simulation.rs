@@ -14,6 +14,7 @@ use self::breaks::Ahead;
 use crate::control::auto::{Auto, Picked};
 use crate::control::choose::{Start, start};
 use crate::control::controller::Schedule;
+use crate::control::timetable::Timetable;
 use crate::run::breaks::Break;
 use crate::run::dense_output::Between;
 use crate::run::frames::{AT_THE_END, Frames, Shown};
@@ -45,6 +46,7 @@ pub struct Simulation {
     stepper: Stepper,
     choice: Choice,
     duration: f64,
+    timetable: Timetable,
     schedule: Schedule,
     /// Trial runs settle the schedule, or did.
     needs_trials: bool,
@@ -207,6 +209,7 @@ impl Simulation {
             flows_between: None,
             state_between: None,
             duration,
+            timetable: Timetable::of(scene),
             needs_trials: matches!(start.schedule, Schedule::Open(_)),
             schedule: start.schedule,
             auto: start.auto,

@@ -156,7 +156,8 @@ impl Simulation {
         let start = self.stepper.time();
         let interval = loop {
             let size = Ahead::limit(self.ahead, start, controller.step_size());
-            let interval = next_interval(start, self.duration, size);
+            let end = self.timetable.end_of_step(start, self.duration);
+            let interval = next_interval(start, end, size.min(self.timetable.longest_step()));
             let attempt = self.stepper.attempt(interval, &mut self.work);
             let too_small = interval.size < SMALLEST_STEP * self.duration
                 || interval.start + 0.1 * interval.size == interval.start;
@@ -208,10 +209,10 @@ impl Simulation {
     }
 }
 
-/// The next step of about `h`: to the end if that is near, and in two equal
+/// The next step of about `h`: to `end` if that is near, and in two equal
 /// steps if it is not much further.
-fn next_interval(start: f64, duration: f64, h: f64) -> Interval {
-    let left = duration - start;
+fn next_interval(start: f64, end: f64, h: f64) -> Interval {
+    let left = end - start;
     let size = match left / h {
         steps if steps <= 1.0 + 1e-9 => left,
         steps if steps < 2.0 => 0.5 * left,
@@ -219,7 +220,7 @@ fn next_interval(start: f64, duration: f64, h: f64) -> Interval {
     };
     Interval {
         start,
-        end: if size == left { duration } else { start + size },
+        end: if size == left { end } else { start + size },
         size,
     }
 }

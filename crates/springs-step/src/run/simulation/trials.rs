@@ -27,7 +27,8 @@ impl Simulation {
         };
         let begin = Instant::now();
         let interrupt = self.interrupt.clone();
-        let mut trials = Trials::new(&interrupt, watch);
+        let fewest = self.timetable.fewest_equal_steps(self.duration);
+        let mut trials = Trials::new(&interrupt, watch, fewest);
         let settled = match &mut self.auto {
             Some(auto) => {
                 let compiled = (self.stepper.system(), self.stepper.anchors());
@@ -94,7 +95,7 @@ impl Simulation {
         auto.visit(system, &mut before);
         let interrupt = self.interrupt.clone();
         let mut watch = |_| ControlFlow::Continue(());
-        let mut trials = Trials::new(&interrupt, &mut watch);
+        let mut trials = Trials::new(&interrupt, &mut watch, 0);
         let compiled = (system, self.stepper.anchors());
         let picked = auto.review(compiled, self.stepper.state(), controller, &mut trials);
         self.trial_work += trials.work;
