@@ -26,6 +26,9 @@ pub(crate) struct Equations<'a> {
     diagonal: Vec<[f64; 6]>,
     /// What is stiff at each block, in N/m; above zero.
     scales: Vec<f64>,
+    /// What may be stiff at each block, in N/m, where springs are slack now; zero where
+    /// there is no bound.
+    bounds: Vec<f64>,
 }
 
 /// Energy in J, and what rounding may make of it.
@@ -33,6 +36,12 @@ pub(crate) struct Equations<'a> {
 pub(crate) struct Potential {
     pub(crate) energy: f64,
     pub(crate) rounding: f64,
+}
+
+/// Zero for what is infinite.
+fn finite(bounds: Vec<f64>) -> Vec<f64> {
+    let finite = |bound: f64| if bound.is_finite() { bound } else { 0.0 };
+    bounds.into_iter().map(finite).collect()
 }
 
 impl<'a> Equations<'a> {
@@ -48,6 +57,7 @@ impl<'a> Equations<'a> {
             out: system.linearization(),
             diagonal: vec![[0.0; 6]; n_free],
             scales: vec![1.0; n_free],
+            bounds: finite(system.stiffness_bounds()),
             system,
         }
     }
@@ -110,6 +120,9 @@ impl<'a> Equations<'a> {
             let along = Matrix3::identity() - across;
             let free = along * unpacked(&self.diagonal[*block]) * along;
             self.scales[*block] = free.amax();
+        }
+        for (scale, bound) in self.scales.iter_mut().zip(&self.bounds) {
+            *scale = scale.max(*bound);
         }
         let largest = self.scales.iter().copied().fold(0.0, f64::max);
         let least = if largest > 0.0 { 1e-9 * largest } else { 1.0 };

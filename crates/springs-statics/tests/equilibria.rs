@@ -424,3 +424,52 @@ fn slack_cables_carry_nothing_and_are_mechanisms() {
     // Along cables that are about to pull it may have some stiffness.
     assert!(equilibrium.zero_pivots >= 2 && equilibrium.negative_pivots == 0);
 }
+
+/// Springs that only pull, slack at the start: lines longer than the distance of their
+/// ends, and flat nets.
+#[test]
+fn slack_springs_that_only_pull_become_taut() {
+    for rest_length in [0.9, 1.0, 1.02, 1.1, 1.3] {
+        for n_lines in [1, 6] {
+            let mut scene = Scene {
+                gravity: Vector3::new(0.0, 0.0, -9.81),
+                laws: vec![SpringLaw::TensionOnly { blend: 1e-6 }],
+                ..Scene::default()
+            };
+            let n = 8;
+            for line in 0..n_lines {
+                for k in 0..n {
+                    let at = Vector3::new(k as f64, line as f64, 0.0);
+                    let is_edge = k == 0 || k + 1 == n;
+                    let node = scene.add_node(Node {
+                        mass: 1.0,
+                        fixed: is_edge,
+                        ..Node::at(at)
+                    });
+                    let behind = (k > 0).then(|| node - 1);
+                    let beside = (line > 0).then(|| node.wrapping_sub(n));
+                    for other in behind.into_iter().chain(beside) {
+                        scene.springs.push(Spring {
+                            law: Some(0),
+                            mass: 0.0,
+                            ..spring(other, node, 1e5, rest_length)
+                        });
+                    }
+                }
+            }
+            let equilibrium = settled(&scene);
+            assert_eq!(
+                equilibrium.status,
+                Status::Stable,
+                "{rest_length}, {n_lines}"
+            );
+            let carried: f64 = equilibrium.reactions.iter().map(|one| one.force.z).sum();
+            let weight = 9.81 * scene.node_masses().iter().sum::<f64>();
+            assert!(
+                (carried - weight).abs() < 1e-6 * weight,
+                "{carried}, not {weight} N"
+            );
+            assert!(equilibrium.tensions.iter().all(|tension| *tension >= 0.0));
+        }
+    }
+}
