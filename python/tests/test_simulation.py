@@ -63,6 +63,69 @@ class Simulations(unittest.TestCase):
             with self.assertRaises(sp.SceneError):
                 sim.advance(dt)
 
+    def test_changes_go_on_from_where_it_is(self):
+        s = net()
+        rest = s.rest_length
+        sim = s.simulation(step=1 / 240, method="tr-bdf2")
+        start = None
+        for k in range(5):
+            length = rest * (1 + 0.05 * np.sin(k))
+            sim.rest_length = length
+            np.testing.assert_array_equal(sim.rest_length, length)
+            sim.advance(1 / 60)
+        self.assertEqual(sim.time, 20 * (1 / 240))
+        # The same by hand, without loads that vary over time.
+        x = s.x
+
+        def changed(length):
+            other = sp.Scene(gravity=(0, 0, -9.81))
+            other.nodes(x, mass=1)
+            other.springs(s.ij, stiffness=s.stiffness, rest_length=length, damping=0.1)
+            other.fix([0, 5])
+            return other
+
+        sim = changed(rest).simulation(step=1 / 240, method="tr-bdf2")
+        for k in range(5):
+            length = rest * (1 + 0.05 * np.sin(k))
+            sim.rest_length = length
+            sim.advance(1 / 60)
+            how = {"step": 1 / 240, "method": "tr-bdf2", "frames": 1}
+            start = changed(length).run(4 * (1 / 240), start=start, **how)
+            self.assertEqual(bits(sim.x, sim.v), bits(start.x[-1], start.v[-1]))
+
+    def test_the_work_of_changes_is_accounted_for(self):
+        # A weight on a spring: K/2 ((l - l1)^2 - (l - l0)^2) at a change of l0.
+        s = sp.Scene()
+        s.nodes([(0, 0, 0), (1.5, 0, 0)], mass=2)
+        s.springs([(0, 1)], stiffness=50, rest_length=1)
+        s.fix(0)
+        sim = s.simulation(step=1e-4, method="velocity-verlet")
+        work = 0.0
+        for length in [1.2, 0.7, 1.0]:
+            l, l0 = sim.x[1, 0], sim.rest_length[0]
+            work += 25 * ((l - length) ** 2 - (l - l0) ** 2)
+            sim.rest_length = [length]
+            self.assertAlmostEqual(sim.energy["control_work"], work, places=12)
+            sim.advance(0.3)
+            self.assertLess(abs(sim.energy["method"]), 1e-5)
+        l = sim.x[1, 0]
+        sim.stiffness = 80
+        work += 15 * (l - 1) ** 2
+        self.assertAlmostEqual(sim.energy["control_work"], work, places=12)
+        sim.force = [(0, 0, 0), (3, 0, 0)]
+        before = sim.x[1, 0]
+        sim.advance(0.2)
+        energy = sim.energy
+        self.assertAlmostEqual(energy["load_work"], 3 * (sim.x[1, 0] - before), places=6)
+        self.assertLess(abs(energy["method"]), 1e-5)
+        other = pickle.loads(pickle.dumps(sim))
+        self.assertEqual((other.energy, other.time), (sim.energy, sim.time))
+        np.testing.assert_array_equal(other.force, sim.force)
+        with self.assertRaises(sp.SceneError) as caught:
+            sim.rest_length = np.nan
+        self.assertEqual(caught.exception.spring, 0)
+        self.assertEqual(bits(sim.x), bits(other.x))
+
 
 if __name__ == "__main__":
     unittest.main()

@@ -46,7 +46,8 @@ class Stub(unittest.TestCase):
         public = {name for name in vars(thing) if not name.startswith("_")}
         self.assertEqual(public, {name for name in said if not name.startswith("_")}, thing)
         for name, item in said.items():
-            is_property = any(getattr(d, "id", "") == "property" for d in item.decorator_list)
+            decorators = item.decorator_list
+            is_property = any(getattr(d, "attr", getattr(d, "id", "")) in ("property", "setter") for d in decorators)
             member = inspect.getattr_static(thing, name)
             self.assertEqual(inspect.isdatadescriptor(member), is_property, name)
             if not name.startswith("_"):

@@ -1,14 +1,14 @@
 //! A simulation in steps, for a loop of one's own.
 
-use crate::arrays::{array2, flat};
+use crate::arrays::{Floats, array1, array2, flat};
 use crate::attended::{Progress, Shared, attended};
 use crate::errors::{Fault, interrupted};
 use crate::record::ENERGIES;
-use numpy::PyArray2;
+use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyTuple};
 use springs::io::{parse_scene, scene_to_string};
-use springs::scene::{RunOptions, Scene, StepControl};
+use springs::scene::{Load, OverTime, RunOptions, Scene, Spring, StepControl, Vector3};
 use springs::solver::Interrupt;
 use springs::step::{Cause, Simulation, StepError};
 use std::sync::{Mutex, PoisonError};
@@ -27,10 +27,38 @@ const MOST_STEPS: f64 = (1_u64 << 40) as f64;
 /// So far may a time be from a whole number of steps, as a part of it.
 const WHOLE: f64 = 1e-9;
 
+/// What was before the scene was changed for the last time. Energies in J.
+#[derive(Clone, Copy, Debug, Default)]
+struct Before {
+    steps: u64,
+    /// Energy at the start.
+    start: f64,
+    control_work: f64,
+    anchor_work: f64,
+    load_work: f64,
+    heat: f64,
+}
+
+impl Before {
+    fn reals(&mut self) -> [&mut f64; 5] {
+        [
+            &mut self.start,
+            &mut self.control_work,
+            &mut self.anchor_work,
+            &mut self.load_work,
+            &mut self.heat,
+        ]
+    }
+}
+
 /// A simulation in steps of one size.
 #[pyclass(module = "springs", name = "Simulation")]
 pub(crate) struct PySimulation {
+    /// As it was when it was changed for the last time.
     scene: Scene,
+    /// Loads of the scene that are no forces of somebody's own.
+    n_loads: usize,
+    before: Before,
     options: RunOptions,
     step: f64,
     /// Never locked: it only lets other threads have the object.
@@ -46,11 +74,14 @@ impl PySimulation {
             return Err(Fault::scene("a simulation needs a step").into());
         };
         scene.settings.duration = MOST_STEPS * step;
-        let simulation = py.detach(|| Simulation::with_options(&scene, &options));
-        let mut simulation = simulation.map_err(|error| Fault::from(&error))?;
         let shared = Shared::default();
-        simulation.set_interrupt(&Interrupt::from(shared.is_stopped.clone()));
+        let simulation = compile(py, &scene, &options, &shared)?;
         Ok(Self {
+            n_loads: scene.loads.len(),
+            before: Before {
+                start: simulation.ledger().start.total(),
+                ..Before::default()
+            },
             scene,
             options,
             step,
@@ -63,6 +94,54 @@ impl PySimulation {
     fn simulation(&mut self) -> &mut Simulation {
         let simulation = self.simulation.get_mut();
         simulation.unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Goes on with a changed scene from where it is. What that does to the energy is
+    /// work of whoever changes it. Nothing changes if that scene is wrong.
+    fn change(&mut self, py: Python<'_>, change: impl FnOnce(&mut Scene)) -> PyResult<()> {
+        let mut scene = self.scene.clone();
+        change(&mut scene);
+        if scene == self.scene {
+            return Ok(());
+        }
+        let simulation = self.simulation();
+        scene.shift_time(simulation.stepper().time());
+        simulation.nodes().write_to(&mut scene);
+        let next = compile(py, &scene, &self.options, &self.shared)?;
+        let simulation = self.simulation();
+        let (ledger, steps) = (simulation.ledger(), simulation.stepper().steps());
+        let control_work = next.ledger().start.total() - simulation.energy().total();
+        let before = &mut self.before;
+        before.steps += steps;
+        before.control_work += control_work;
+        before.anchor_work += ledger.anchor_work;
+        before.load_work += ledger.load_work;
+        before.heat += ledger.heat.sum();
+        self.simulation = Mutex::new(next);
+        self.scene = scene;
+        Ok(())
+    }
+
+    /// Sets a number of each spring.
+    fn set_springs(
+        &mut self,
+        value: &Bound<'_, PyAny>,
+        what: &'static str,
+        field: fn(&mut Spring) -> &mut f64,
+    ) -> PyResult<()> {
+        let numbers = Floats::new(what, value)?.each(self.scene.springs.len())?;
+        self.change(value.py(), |scene| {
+            let springs = scene.springs.iter_mut().zip(numbers);
+            springs.for_each(|(spring, number)| *field(spring) = number);
+        })
+    }
+
+    fn of_springs<'py>(
+        &self,
+        py: Python<'py>,
+        field: fn(&Spring) -> f64,
+    ) -> Bound<'py, PyArray1<f64>> {
+        array1(py, self.scene.springs.iter().map(field).collect())
     }
 
     /// The whole number of steps that a time is.
@@ -97,11 +176,19 @@ impl PySimulation {
     fn state(&mut self) -> Vec<u8> {
         let text = scene_to_string(&self.scene, &self.options);
         let words = self.simulation().save();
-        let mut bytes = Vec::with_capacity(MAGIC.len() + 24 + text.len() + 8 * words.len());
+        let mut before = self.before;
+        let mut numbers = vec![
+            text.len() as u64,
+            u64::from(self.options.skip),
+            self.options.threads as u64,
+            self.n_loads as u64,
+            before.steps,
+        ];
+        numbers.extend(before.reals().map(|real| real.to_bits()));
+        let mut bytes =
+            Vec::with_capacity(MAGIC.len() + 8 * (numbers.len() + words.len()) + text.len());
         bytes.extend(MAGIC);
-        bytes.push(u8::from(self.options.skip));
-        bytes.extend((self.options.threads as u64).to_le_bytes());
-        bytes.extend((text.len() as u64).to_le_bytes());
+        bytes.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
         bytes.extend(text.as_bytes());
         bytes.extend(words.iter().flat_map(|word| word.to_le_bytes()));
         bytes
@@ -114,6 +201,8 @@ impl PySimulation {
         options.skip = state.skip;
         options.threads = state.threads;
         let mut simulation = Self::new(py, scene, options)?;
+        simulation.before = state.before;
+        simulation.n_loads = state.n_loads;
         let restored = simulation.simulation().restore(state.words);
         restored.map_err(|_| damaged())?;
         Ok(simulation)
@@ -123,25 +212,55 @@ impl PySimulation {
 /// How every saved simulation begins.
 const MAGIC: &[u8] = b"springs simulation 1\n";
 
+/// Compiles a scene; the simulation stops when it is asked to.
+fn compile(
+    py: Python<'_>,
+    scene: &Scene,
+    options: &RunOptions,
+    shared: &Shared,
+) -> PyResult<Simulation> {
+    let simulation = py.detach(|| Simulation::with_options(scene, options));
+    let mut simulation = simulation.map_err(|error| Fault::from(&error))?;
+    simulation.set_interrupt(&Interrupt::from(shared.is_stopped.clone()));
+    Ok(simulation)
+}
+
 struct SavedState<'a> {
     skip: bool,
     threads: usize,
+    n_loads: usize,
+    before: Before,
     text: &'a str,
     words: Vec<u64>,
 }
 
 impl<'a> SavedState<'a> {
     fn read(bytes: &'a [u8]) -> Option<Self> {
-        let (skip, rest) = bytes.strip_prefix(MAGIC)?.split_first()?;
-        let (threads, rest) = rest.split_first_chunk()?;
-        let (length, rest) = rest.split_first_chunk()?;
-        let length = usize::try_from(u64::from_le_bytes(*length)).ok()?;
+        let mut rest = bytes.strip_prefix(MAGIC)?;
+        let mut number = || {
+            let (number, after) = rest.split_first_chunk()?;
+            rest = after;
+            Some(u64::from_le_bytes(*number))
+        };
+        let length = usize::try_from(number()?).ok()?;
+        let skip = number()? == 1;
+        let threads = usize::try_from(number()?).ok()?;
+        let n_loads = usize::try_from(number()?).ok()?;
+        let mut before = Before {
+            steps: number()?,
+            ..Before::default()
+        };
+        for real in before.reals() {
+            *real = f64::from_bits(number()?);
+        }
         let (text, words) = rest.split_at_checked(length)?;
         let (words, rest) = words.as_chunks();
         rest.is_empty().then_some(())?;
         Some(Self {
-            skip: *skip == 1,
-            threads: usize::try_from(u64::from_le_bytes(*threads)).ok()?,
+            skip,
+            threads,
+            n_loads,
+            before,
             text: std::str::from_utf8(text).ok()?,
             words: words.iter().map(|word| u64::from_le_bytes(*word)).collect(),
         })
@@ -174,7 +293,8 @@ impl PySimulation {
     /// Simulated time, in s.
     #[getter]
     fn time(&mut self) -> f64 {
-        self.simulation().stepper().time()
+        let steps = self.before.steps + self.simulation().stepper().steps();
+        steps as f64 * self.step
     }
 
     /// Positions now, in m: (n, 3), not to be written to.
@@ -189,26 +309,87 @@ impl PySimulation {
         Ok(self.states(py)?[1].clone_ref(py))
     }
 
-    /// Energies now and their flows since the start, in J, by name.
+    /// Energies now and their flows since the start, in J, by name; `control_work` is
+    /// that of changes of rest lengths and stiffnesses.
     #[getter]
     fn energy<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let before = self.before;
         let simulation = self.simulation();
         let (energy, ledger) = (simulation.energy(), simulation.ledger());
-        let energies = PyDict::new(py);
+        let anchor_work = before.anchor_work + ledger.anchor_work;
+        let load_work = before.load_work + ledger.load_work;
+        let heat = before.heat + ledger.heat.sum();
+        let flows = heat - anchor_work - load_work - before.control_work;
         let numbers = [
             energy.kinetic,
             energy.elastic(),
             energy.gravity(),
             energy.total(),
-            ledger.anchor_work,
-            ledger.load_work,
-            ledger.heat.sum(),
-            ledger.method_gain(&energy),
+            anchor_work,
+            load_work,
+            heat,
+            energy.total() - before.start + flows,
         ];
+        let energies = PyDict::new(py);
         for (name, number) in ENERGIES.into_iter().zip(numbers) {
             energies.set_item(name, number)?;
         }
+        energies.set_item("control_work", before.control_work)?;
         Ok(energies)
+    }
+
+    /// Rest lengths of the springs, in m: (k,). They are set from a number or (k,), as
+    /// are stiffnesses; the scene is then compiled anew, and steps go on from where they
+    /// are.
+    #[getter]
+    fn rest_length<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.of_springs(py, |spring| spring.rest_length)
+    }
+
+    #[setter]
+    fn set_rest_length(&mut self, value: &Bound<'_, PyAny>) -> PyResult<()> {
+        self.set_springs(value, "rest_length", |spring| &mut spring.rest_length)
+    }
+
+    /// Stiffnesses of the springs, in N/m: (k,).
+    #[getter]
+    fn stiffness<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.of_springs(py, |spring| spring.stiffness)
+    }
+
+    #[setter]
+    fn set_stiffness(&mut self, value: &Bound<'_, PyAny>) -> PyResult<()> {
+        self.set_springs(value, "stiffness", |spring| &mut spring.stiffness)
+    }
+
+    /// Forces on the nodes beside the loads of the scene, in N: (n, 3). They stay until
+    /// others are set.
+    #[getter]
+    fn force<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
+        let n = self.scene.nodes.len();
+        let mut forces = vec![Vector3::zeros(); n];
+        for load in &self.scene.loads[self.n_loads..] {
+            load.nodes
+                .iter()
+                .for_each(|&node| forces[node] += load.force);
+        }
+        array2(py, flat(&forces), 3, n)
+    }
+
+    #[setter]
+    fn set_force(&mut self, value: &Bound<'_, PyAny>) -> PyResult<()> {
+        let forces = Floats::new("force", value)?.n_vectors(self.scene.nodes.len())?;
+        let n_loads = self.n_loads;
+        self.change(value.py(), |scene| {
+            scene.loads.truncate(n_loads);
+            let forces = forces.into_iter().enumerate();
+            let forces = forces.filter(|(_, force)| *force != Vector3::zeros());
+            scene.loads.extend(forces.map(|(node, force)| Load {
+                nodes: vec![node],
+                force,
+                over_time: OverTime::Constant,
+            }));
+        })
     }
 
     /// Makes as many steps as `dt` s are, which must be a whole number of them.
