@@ -2,6 +2,7 @@
 
 import ast
 import inspect
+import sys
 import unittest
 from pathlib import Path
 
@@ -53,7 +54,9 @@ class Stub(unittest.TestCase):
             if not name.startswith("_"):
                 self.assertTrue(member.__doc__, f"{thing.__name__}.{name} has no documentation")
             if name == "__new__":
-                self.assertEqual(parameters(item), of_module(thing))
+                # Python 3.9 does not tell those of classes.
+                if sys.version_info >= (3, 10):
+                    self.assertEqual(parameters(item), of_module(thing))
             elif not is_property:
                 self.assertEqual(parameters(item), of_module(getattr(thing, name)), name)
 
