@@ -13,10 +13,11 @@ array([0])
 """
 
 from ._errors import Error, Interrupted, SceneError, StepError, SystemError
-from ._springs import Check, Law, Result, Scene, Simulation, Study, __version__, load
+from ._springs import Check, Equilibrium, Law, Result, Scene, Simulation, Study, __version__, load
 
 __all__ = [
     "Check",
+    "Equilibrium",
     "Error",
     "Interrupted",
     "Law",

@@ -26,7 +26,7 @@ class SceneError(Error, ValueError):
 
 
 class StepError(Error, ArithmeticError):
-    """A simulation cannot go on."""
+    """A simulation cannot go on, or there is no equilibrium."""
 
 
 class SystemError(Error):

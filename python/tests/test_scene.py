@@ -132,6 +132,40 @@ class Scenes(unittest.TestCase):
             self.assertEqual(text_of(pickle.loads(pickle.dumps(scene))), text_of(scene))
         self.assertIn('name: "net"', text_of(net()))
 
+    def test_equilibria(self):
+        # A weight of 2 N on a spring of 100 N/m, and one that nothing holds sideways.
+        s = sp.Scene(gravity=(0, 0, -10))
+        s.nodes([(0, 0, 0), (0.3, 0, -1)], mass=0.2)
+        s.springs([(0, 1)], stiffness=100, rest_length=1)
+        s.fix(0)
+        eq = s.settle()
+        self.assertTrue(eq.stable)
+        self.assertEqual((eq.status, eq.nodes), ("stable", []))
+        np.testing.assert_allclose(eq.x[1], (0, 0, -1.02), atol=1e-9)
+        np.testing.assert_allclose(eq.tension, [2], atol=1e-9)
+        np.testing.assert_allclose(eq.reactions, [(0, 0, 4), (0, 0, 0)], atol=1e-9)
+        r = s.run(1.0, start=eq, step=0.01)
+        np.testing.assert_allclose(r.x, np.broadcast_to(eq.x, r.x.shape), atol=1e-9)
+        # Nothing holds this one.
+        s.nodes([(1, 1, 1)], mass=1)
+        with self.assertRaises(sp.Error) as caught:
+            s.settle()
+        self.assertEqual(caught.exception.node, 2)
+
+    def test_scenes_start_from_their_equilibrium_if_they_ask_for_it(self):
+        text = """Scene(version: 1, gravity: (0, 0, -10),
+            nodes: [(position: (0, 0, 0), fixed: true), (position: (0, 0, -1), mass: 0.2)],
+            springs: [(nodes: (0, 1), stiffness: 100, rest_length: 1)],
+            simulation: (start: Equilibrium, duration: 0.1))"""
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "scene.ron"
+            path.write_text(text)
+            s = sp.load(path)
+        self.assertAlmostEqual(s.run().x[0, 1, 2], -1.02, places=9)
+        self.assertAlmostEqual(s.simulation(step=0.1).x[1, 2], -1.02, places=9)
+        self.assertEqual(s.x[1, 2], -1)
+        s.check()
+
     def test_copies_are_apart(self):
         s = net()
         for other in [copy.copy(s), copy.deepcopy(s)]:

@@ -4,6 +4,7 @@ use pyo3::prelude::*;
 use pyo3::types::{IntoPyDict as _, PyDict};
 use springs::io::{Finding, SceneError};
 use springs::scene::{Path, Problem};
+use springs::statics::StaticsError;
 use springs::step::{SetupError, StepError};
 
 /// What becomes an exception.
@@ -96,6 +97,19 @@ impl From<&Problem> for Fault {
 impl From<&SetupError> for Fault {
     fn from(error: &SetupError) -> Self {
         Self::scene(error.to_string())
+            .advised(error.advice())
+            .at(error.path())
+    }
+}
+
+impl From<&StaticsError> for Fault {
+    fn from(error: &StaticsError) -> Self {
+        let class = if error.is_not_found() {
+            "StepError"
+        } else {
+            "SceneError"
+        };
+        Self::of_class(class, error.to_string())
             .advised(error.advice())
             .at(error.path())
     }

@@ -15,6 +15,7 @@ mod result;
 mod scene;
 mod simulation;
 mod springs_of;
+mod statics;
 mod study;
 
 use pyo3::prelude::*;
@@ -25,6 +26,7 @@ fn _springs(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<law::PyLaw>()?;
     module.add_class::<check::PyCheck>()?;
     module.add_class::<result::RunResult>()?;
+    module.add_class::<statics::PyEquilibrium>()?;
     module.add_class::<simulation::PySimulation>()?;
     module.add_class::<study::PyStudy>()?;
     module.add_function(wrap_pyfunction!(scene::load, module)?)?;

@@ -7,13 +7,14 @@ use crate::errors::Fault;
 use crate::result::{Run, RunResult};
 use crate::simulation::PySimulation;
 use crate::springs_of::{Given, Made, damp, make};
+use crate::statics::{PyEquilibrium, settled, started};
 use crate::study::{self, PyStudy};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use springs::io::{Inputs, parse_scene_with_inputs, read_text, scene_to_string, write_scene};
 use springs::scene::{
-    Guide, Load, NamedMotion, Node, OverTime, PrescribedMotion, Rayleigh, RunOptions, Scene,
+    Guide, Load, NamedMotion, Node, OverTime, PrescribedMotion, Rayleigh, RunOptions, Scene, Start,
     StepControl, Vector3,
 };
 use springs::step::{Islands, NodeStates};
@@ -85,7 +86,7 @@ impl PyScene {
 
 /// Puts the nodes where `start` has them: its `x` (n, 3), or the last of (f, n, 3), and its
 /// `v` if it has one.
-fn start_from(scene: &mut Scene, start: &Bound<'_, PyAny>) -> PyResult<()> {
+fn start_from(mut scene: Scene, start: &Bound<'_, PyAny>) -> PyResult<Scene> {
     let n = scene.nodes.len();
     let last = |what: &'static str| -> PyResult<Option<Vec<Vector3<f64>>>> {
         let Some(array) = start.getattr_opt(what)?.filter(|array| !array.is_none()) else {
@@ -109,8 +110,9 @@ fn start_from(scene: &mut Scene, start: &Bound<'_, PyAny>) -> PyResult<()> {
         positions,
         velocities,
     };
-    nodes.write_to(scene);
-    Ok(())
+    nodes.write_to(&mut scene);
+    scene.settings.start = Start::AsGiven;
+    Ok(scene)
 }
 
 /// Which of x, y, z are named; all of them if nothing is.
@@ -333,14 +335,26 @@ impl PyScene {
 
     /// What is in the scene, what a run leaves out, and what looks wrong; runs nothing.
     fn check(&self, py: Python<'_>) -> PyResult<PyCheck> {
-        let (scene, options) = self.changed(&Changes::default())?;
+        let (mut scene, options) = self.changed(&Changes::default())?;
+        // A run finds the equilibrium first; here nothing is run.
+        scene.settings.start = Start::AsGiven;
         let islands = py.detach(|| Islands::with_options(&scene, &options));
         let islands = islands.map_err(|error| Fault::from(&error))?;
         Ok(PyCheck::of(&scene, &self.inputs, &islands))
     }
 
-    /// Simulates `duration` s from `start` (anything with x and perhaps v, such as a
-    /// result; else the scene itself), with an error of `tolerance` m or steps of `step` s,
+    /// Finds an equilibrium under the loads of the time 0, and says whether it is stable.
+    #[pyo3(signature = (*, threads=None))]
+    fn settle(&self, py: Python<'_>, threads: Option<usize>) -> PyResult<PyEquilibrium> {
+        let (scene, options) = self.changed(&Changes {
+            threads,
+            ..Changes::default()
+        })?;
+        settled(py, &scene, &options)
+    }
+
+    /// Simulates `duration` s from `start` (anything with x and perhaps v, such as
+    /// an equilibrium or a result; else the scene itself), with an error of `tolerance` m or steps of `step` s,
     /// and shows `frames` + 1 frames (else 60 a second). `progress` is True for a bar, or a
     /// function of a number from 0 to 1.
     ///
@@ -363,7 +377,7 @@ impl PyScene {
         progress: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Py<RunResult>> {
         let progress = Progress::new(progress)?;
-        let (mut scene, options) = self.changed(&Changes {
+        let (scene, options) = self.changed(&Changes {
             duration,
             tolerance,
             step,
@@ -371,9 +385,10 @@ impl PyScene {
             tangent,
             threads,
         })?;
-        if let Some(start) = start {
-            start_from(&mut scene, start)?;
-        }
+        let scene = match start {
+            Some(start) => start_from(scene, start)?,
+            None => started(py, scene, &options)?,
+        };
         let intervals = match frames {
             Some(0) => return Err(Fault::scene("frames must be at least 1").into()),
             Some(frames) => frames,
@@ -393,16 +408,17 @@ impl PyScene {
         start: Option<&Bound<'_, PyAny>>,
         threads: Option<usize>,
     ) -> PyResult<PySimulation> {
-        let (mut scene, options) = self.changed(&Changes {
+        let (scene, options) = self.changed(&Changes {
             step: Some(step),
             method,
             tangent,
             threads,
             ..Changes::default()
         })?;
-        if let Some(start) = start {
-            start_from(&mut scene, start)?;
-        }
+        let scene = match start {
+            Some(start) => start_from(scene, start)?,
+            None => started(py, scene, &options)?,
+        };
         PySimulation::new(py, scene, options)
     }
 
@@ -420,6 +436,7 @@ impl PyScene {
             threads,
             ..Changes::default()
         })?;
+        let scene = started(py, scene, &options)?;
         study::make(py, &scene, study::options(budget, options)?, &progress)
     }
 
