@@ -1,10 +1,11 @@
 """What Python adds to steps: 1e5 steps of a scene of 100 nodes from Python and from the
-command line, and `advance` of one step. Times in s are the least of several.
+command line, and `advance` of one step. Processor times in s, the least of several, those of
+the command line with its start and end.
 
     python benches/python.py target/release/springs
 """
 
-import json
+import resource
 import subprocess
 import sys
 import tempfile
@@ -16,7 +17,7 @@ import springs as sp
 
 STEPS = 100_000
 STEP = 1e-3
-REPEATS = 5
+REPEATS = 3
 
 
 def net(n=10):
@@ -29,7 +30,7 @@ def net(n=10):
     s.nodes(x, mass=0.1)
     for first, second in [(grid[:-1], grid[1:]), (grid[:, :-1], grid[:, 1:])]:
         pairs = np.stack([first.ravel(), second.ravel()], axis=1)
-        s.springs(pairs, stiffness=500.0, damping=0.1)
+        s.springs(pairs, stiffness=500.0)
     s.fix([0, n - 1])
     return s
 
@@ -41,12 +42,13 @@ def least(measure):
 def main():
     program = sys.argv[1]
     s = net()
-    for method in ["dop853", "linearly-implicit-euler", "tr-bdf2"]:
+    for method in ["velocity-verlet", "linearly-implicit-euler"]:
         how = {"step": STEP, "method": method}
 
         def python():
-            report = s.run(STEPS * STEP, frames=1, **how).report
-            return report["seconds"]["stepping"]
+            begin = time.process_time()
+            s.run(STEPS * STEP, frames=1, threads=1, **how)
+            return time.process_time() - begin
 
         def command_line():
             with tempfile.TemporaryDirectory() as folder:
@@ -54,27 +56,29 @@ def main():
                 s.write(scene)
                 command = [program, "run", scene, "--out", out, "--quiet", "--frames", "1"]
                 command += ["--step", str(STEP), "--duration", str(STEPS * STEP)]
-                command += ["--method", method, "--write", "npz"]
+                command += ["--method", method, "--write", "npz", "--threads", "1"]
+                begin = resource.getrusage(resource.RUSAGE_CHILDREN)
                 subprocess.run(command, check=True)
-                return json.loads((out / "report.json").read_text())["seconds"]["stepping"]
+                end = resource.getrusage(resource.RUSAGE_CHILDREN)
+                return end.ru_utime + end.ru_stime - begin.ru_utime - begin.ru_stime
 
         def alternating():
             pairs = [(python(), command_line()) for _ in range(REPEATS)]
             return [min(times) for times in zip(*pairs)]
 
         ours, theirs = alternating()
-        sim = s.simulation(**how)
+        sim = s.simulation(threads=1, **how)
 
         def at_once():
-            begin = time.perf_counter()
+            begin = time.process_time()
             sim.advance(10_000 * STEP)
-            return (time.perf_counter() - begin) / 10_000
+            return (time.process_time() - begin) / 10_000
 
         def one_by_one():
-            begin = time.perf_counter()
+            begin = time.process_time()
             for _ in range(10_000):
                 sim.advance(STEP)
-            return (time.perf_counter() - begin) / 10_000
+            return (time.process_time() - begin) / 10_000
 
         inside, single = least(at_once), least(one_by_one)
         print(
