@@ -328,8 +328,7 @@ fn energies_of_a_run_in_fixed_steps() {
     desk.scene("cloth.ron", "cloth 6 --duration 0.5");
     desk.expect(0, "run cloth.ron --write energy --frames 20 --quiet");
     let text = desk.read("cloth/energy.csv");
-    let header =
-        "time,kinetic,elastic,gravity,total,anchor_work,dashpot_heat,method_gain,load_work";
+    let header = "time,kinetic,elastic,gravity,total,anchor_work,dashpot_heat,method_gain,load_work,broken_energy";
     assert_eq!(text.lines().next(), Some(header));
     let table = rows(&text);
     assert_eq!(table.len(), 21);

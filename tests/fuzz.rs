@@ -8,8 +8,8 @@ use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use springs::io::{parse_scene, scene_to_string};
 use springs::scene::{
-    Guide, LinearTolerance, Method, Node, RunOptions, Scene, Settings, Spring, SpringLaw,
-    StepControl, Tangent, Vector3,
+    BreakLimit, Guide, LinearTolerance, Method, Node, RunOptions, Scene, Settings, Spring,
+    SpringLaw, StepControl, Tangent, Vector3,
 };
 use springs::step::{Islands, Observer, Outcome};
 use std::ops::ControlFlow;
@@ -153,16 +153,20 @@ fn spring(n_nodes: usize) -> impl Strategy<Value = Spring> {
         magnitude(),
         prop_oneof![Just(0.0), magnitude()],
         prop_oneof![3 => Just(0.0), 1 => magnitude()],
+        prop::option::weighted(0.2, magnitude().prop_map(BreakLimit::Force)),
     );
     // Two different nodes.
     (0..n_nodes, 1..n_nodes, numbers).prop_map(
-        move |(first, further, (stiffness, rest_length, mass, damping))| Spring {
+        move |(first, further, (stiffness, rest_length, mass, damping, breaks_at))| Spring {
             nodes: [first, (first + further) % n_nodes],
             stiffness: 10.0 * stiffness,
             rest_length,
             mass,
             damping,
             law: None,
+            breaks_at,
+            broken: false,
+            yielded: 0.0,
         },
     )
 }

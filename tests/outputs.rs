@@ -2,7 +2,7 @@
 
 use springs::io::{FrameMembers, Mark, RunEnd, RunPlan, SinkKind, TrajectoryFrame};
 use springs::scene::generate::{Material, cloth};
-use springs::scene::{Scene, Vector3};
+use springs::scene::{BreakLimit, Scene, Vector3};
 use springs::sinks::{Marks, SINKS, Sinks, tension_peaks};
 use springs::step::{Frame, Islands, NodeStates, Observer};
 use std::collections::{BTreeMap, BTreeSet};
@@ -132,6 +132,26 @@ fn resumed_outputs_are_those_of_a_run_without_a_stop() {
     assert_eq!(results(&scene, &[1, 3, 4]), whole);
 }
 
+/// Springs break on the way, which is seen in several outputs.
+#[test]
+fn resumed_outputs_of_springs_that_break() {
+    let mut scene = scene();
+    for (k, spring) in scene.springs.iter_mut().enumerate() {
+        spring.breaks_at = Some(BreakLimit::Force(0.003 * (k + 1) as f64));
+    }
+    let whole = results(&scene, &[]);
+    let rows = String::from_utf8(whole["springs.csv"].clone()).unwrap();
+    let broken_at = |time: &str| {
+        let rows = rows.lines().filter(|row| row.starts_with(time));
+        rows.filter(|row| row.ends_with(",0.0,broken")).count()
+    };
+    assert!(broken_at("0.0,") == 0 && broken_at("0.3,") > 0, "{rows}");
+    for frame in 0..INTERVALS {
+        assert_eq!(results(&scene, &[frame]), whole, "killed at {frame}");
+    }
+    assert_eq!(results(&scene, &[0, 2, 3]), whole);
+}
+
 /// A finished output goes on, too: it is there up to the mark.
 #[test]
 fn outputs_that_were_finished_on_the_way_go_on() {
@@ -211,6 +231,8 @@ fn mark(kind: &dyn SinkKind, n_frames: usize) -> Mark {
             members: Some(FrameMembers {
                 springs: &scene.springs,
                 tensions: &tensions,
+                broken: &[],
+                yielded: &[],
                 reactions: &reactions,
             }),
         };

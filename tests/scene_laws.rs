@@ -6,7 +6,7 @@ mod common;
 use common::laws::{laws, with_laws, with_mixed_laws};
 use common::{distance, tangle, with};
 use nalgebra::{DMatrix, DVector, Vector3};
-use springs::assembly::{Evaluation, SpringBetween, Springs, System, Weights, compile};
+use springs::assembly::{Evaluation, Lines, SpringBetween, Springs, System, Weights, compile};
 use springs::io::read_scene;
 use springs::math::spring::LengthLaw;
 use springs::scene::{Method, Node, RunOptions, Scene, SpringLaw, StepControl};
@@ -147,7 +147,7 @@ fn scenes_and_emitters_move_alike() {
         assert_eq!(of_scene.nodes(), simulation.nodes(), "{method}");
         assert_eq!(
             of_scene.energy().elastic(),
-            simulation.energy().potential[6],
+            simulation.energy().potential[Lines::OTHERS],
             "{method}"
         );
     }

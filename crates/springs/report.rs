@@ -39,6 +39,7 @@ impl TurnedOver {
             account.ledger.heat.sum(),
             account.ledger.anchor_work,
             account.ledger.load_work,
+            account.ledger.broken_energy,
         ];
         self.0 = flows
             .into_iter()
@@ -122,6 +123,7 @@ pub fn report(
         refinements: counts.refinements,
         newton_iterations: counts.newton_iterations,
         clamped_springs: counts.clamped_springs,
+        broken_springs: islands.breaks().len(),
         trials: TrialsReport {
             force_evaluations: trials.counts.force_evaluations,
             linearizations: trials.counts.linearizations,
@@ -189,6 +191,7 @@ fn energy(islands: &Islands, mut turned_over: TurnedOver) -> EnergyReport {
         anchor_work: ledger.anchor_work,
         dashpot_heat: ledger.heat.sum(),
         load_work: ledger.load_work,
+        broken_energy: ledger.broken_energy,
         method_gain: ledger.method_gain(&end),
         turned_over: turned_over.0,
     }

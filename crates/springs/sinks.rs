@@ -143,6 +143,8 @@ impl Sinks {
             members: frame.members.map(|members| FrameMembers {
                 springs: &self.springs,
                 tensions: &members.tensions,
+                broken: &members.broken,
+                yielded: &members.yielded,
                 reactions: &reactions,
             }),
         };
@@ -169,6 +171,7 @@ impl Sinks {
             dashpot_heat: ledger.heat.sum(),
             load_work: ledger.load_work,
             method_gain: ledger.method_gain(energy),
+            broken_energy: ledger.broken_energy,
         };
         self.awaits_energies = false;
         let wanting = self.each().filter(|sink| sink.wants_energies());

@@ -2,7 +2,9 @@
 
 import copy
 import pickle
+import tempfile
 import unittest
+from pathlib import Path
 
 import numpy as np
 import springs as sp
@@ -125,6 +127,51 @@ class Simulations(unittest.TestCase):
             sim.rest_length = np.nan
         self.assertEqual(caught.exception.spring, 0)
         self.assertEqual(bits(sim.x), bits(other.x))
+
+    def test_changes_keep_what_is_broken_or_has_yielded(self):
+        # A weight thrown from a support, and a spring between supports to be changed.
+        text = """Scene(
+            version: 1,
+            nodes: [(position: (0, 0, 0), fixed: true),
+                    (position: (1, 0, 0), velocity: (2, 0, 0), mass: 0.5),
+                    (position: (0, 9, 0), fixed: true), (position: (1, 9, 0), fixed: true)],
+            springs: [(nodes: (0, 1), stiffness: 100, rest_length: 1, SPRING),
+                      (nodes: (2, 3), stiffness: 100, rest_length: 1)],
+        )"""
+        how = {"step": 1e-3, "method": "velocity-verlet"}
+        broken = 50 * 0.1**2
+        for spring, lost in [
+            ("breaks_at: Strain(0.1)", broken),
+            ("breaks_at: Force(10)", broken),
+            ("law: Plastic(yields_at: 5)", 0.875),
+        ]:
+            with tempfile.TemporaryDirectory() as folder:
+                path = Path(folder) / "scene.ron"
+                path.write_text(text.replace("SPRING", spring))
+                s = sp.load(path)
+            r = s.run(1.0, frames=1000, **how)
+            self.assertAlmostEqual(r.energy["broken_energy"][-1], lost, delta=0.02)
+            whole, changed = s.simulation(**how), s.simulation(**how)
+            for k in range(1, 1001):
+                whole.advance(1e-3)
+                changed.advance(1e-3)
+                for name in ["total", "broken_energy", "method"]:
+                    self.assertEqual(whole.energy[name], r.energy[name][k], (spring, name, k))
+                # After each step, so that none breaks or yields unseen.
+                changed.rest_length = [1, 1 + 1e-3 * (k % 2)]
+                if k == 500:
+                    with self.assertRaises(sp.SceneError):
+                        changed.rest_length = np.nan
+                    with self.assertRaises(sp.SceneError):
+                        changed.rest_length = np.nan
+                    self.assertEqual(changed.time, whole.time)
+                    changed = pickle.loads(pickle.dumps(changed))
+            self.assertEqual(bits(whole.x, whole.v), bits(r.x[-1], r.v[-1]))
+            np.testing.assert_allclose(changed.x, whole.x, atol=1e-9)
+            for name in ["broken_energy", "total", "method"]:
+                self.assertAlmostEqual(changed.energy[name], whole.energy[name], places=9)
+            self.assertAlmostEqual(changed.energy["control_work"], 0, places=9)
+            self.assertLess(abs(whole.energy["method"]), 1e-3)
 
 
 if __name__ == "__main__":

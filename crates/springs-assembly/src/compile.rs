@@ -3,7 +3,7 @@
 use crate::drag::Drag;
 use crate::elements::{Element, PointMasses, SpringMasses};
 use crate::gravity::Gravity;
-use crate::laws::{fading, springs_with_laws};
+use crate::laws::{fading, springs_that_break, springs_with_laws};
 use crate::loads::SceneLoad;
 use crate::springs::Merged;
 use crate::system::Couplings;
@@ -111,6 +111,8 @@ pub fn compile_with(scene: &Scene, compilation: Compilation) -> Result<System, C
     drag.number(&numbering);
     let mut with_laws = springs_with_laws(scene)?;
     with_laws.number(&numbering);
+    let mut that_break = springs_that_break(scene)?;
+    that_break.number(&numbering);
     let mut emitters: Vec<Box<dyn Emitter>> = vec![
         Box::new(springs),
         Box::new(gravity),
@@ -118,6 +120,7 @@ pub fn compile_with(scene: &Scene, compilation: Compilation) -> Result<System, C
         Box::new(loads),
         Box::new(drag),
         Box::new(with_laws),
+        Box::new(that_break),
     ];
     for mut emitter in others {
         emitter.number(&numbering);
@@ -135,16 +138,18 @@ pub fn compile_with(scene: &Scene, compilation: Compilation) -> Result<System, C
         motion_of(scene, &numbering, &emitters, &couplings)
     };
     let matrix = (pattern, couplings);
-    Ok(System::new(
-        scene, numbering, masses, emitters, matrix, motion,
-    ))
+    let mut system = System::new(scene, numbering, masses, emitters, matrix, motion);
+    // What is beyond its limit in the scene breaks before anything moves.
+    system.break_at_start();
+    Ok(system)
 }
 
 /// The linear springs that have a stiffness; those of one rest length between the same two
 /// nodes are one, unless nothing is to be left out: K = ΣK. Their tensions are in
 /// proportion to their stiffnesses, so that this is exact with every projection.
 fn springs_of(scene: &Scene, is_complete: bool) -> Springs {
-    let is_linear = |spring: &Spring| spring.stiffness > 0.0 && spring.law.is_none();
+    let is_linear =
+        |spring: &Spring| spring.stiffness > 0.0 && spring.law.is_none() && !spring.is_breakable();
     // Rest lengths are not negative, so their bits are in their order.
     let firsts = firsts_of_pairs(scene, is_complete, |_, spring| {
         is_linear(spring).then_some((spring.rest_length + 0.0).to_bits())
@@ -189,12 +194,12 @@ fn loads_of(scene: &Scene) -> Loads<SceneLoad> {
 }
 
 /// The springs that have a damping; those between the same two nodes that fade nowhere
-/// are one, unless nothing is to be left out: c = Σc.
+/// and cannot break are one, unless nothing is to be left out: c = Σc.
 fn dashpots_of(scene: &Scene, is_complete: bool) -> Dashpots {
     let is_damped = |index: usize| scene.dashpot(index) > 0.0;
     let firsts = firsts_of_pairs(scene, is_complete, |index, _| {
-        let may_merge = is_damped(index) && fading(scene, index) == Fading::Nowhere;
-        may_merge.then_some(())
+        let stays = fading(scene, index) == Fading::Nowhere && !scene.springs[index].is_breakable();
+        (is_damped(index) && stays).then_some(())
     });
     let mut sums = vec![0.0; scene.springs.len()];
     for (index, &first) in firsts.iter().enumerate() {
@@ -202,10 +207,19 @@ fn dashpots_of(scene: &Scene, is_complete: bool) -> Dashpots {
     }
     let damped = scene.springs.iter().enumerate();
     let damped = damped.filter(|(index, _)| is_damped(*index) && firsts[*index] == *index);
-    let (dashpots, fading): (Vec<_>, Vec<_>) = damped
-        .map(|(index, spring)| ((spring.nodes, sums[index]), fading(scene, index)))
-        .unzip();
-    Dashpots::new(&dashpots).with_fading(fading)
+    let damped: Vec<_> = damped.map(|(index, _)| index).collect();
+    let nodes = |&index: &usize| (scene.springs[index].nodes, sums[index]);
+    let dashpots: Vec<_> = damped.iter().map(nodes).collect();
+    let fading = damped.iter().map(|&index| fading(scene, index)).collect();
+    let dashpots = Dashpots::new(&dashpots).with_fading(fading);
+    if damped
+        .iter()
+        .any(|&index| scene.springs[index].is_breakable())
+    {
+        dashpots.of_springs(damped)
+    } else {
+        dashpots
+    }
 }
 
 /// The first spring of those between the same nodes and with the same `trait_of`,

@@ -16,6 +16,10 @@ pub struct Dashpots {
     damping: Vec<f64>,
     /// Empty if none of them fades.
     fading: Vec<Fading>,
+    /// The spring of each; empty if none of these can break.
+    springs: Vec<usize>,
+    /// Whether it is broken.
+    is_off: Vec<bool>,
 }
 
 /// Pieces of a passage within which a dashpot that fades does not.
@@ -28,6 +32,8 @@ impl Dashpots {
             connections: Connections::between(dashpots.iter().map(|(nodes, _)| *nodes)),
             damping: dashpots.iter().map(|(_, damping)| *damping).collect(),
             fading: Vec::new(),
+            springs: Vec::new(),
+            is_off: Vec::new(),
         }
     }
 
@@ -43,10 +49,27 @@ impl Dashpots {
         self
     }
 
+    /// With the springs that they go along, which can break.
+    pub(crate) fn of_springs(mut self, springs: Vec<usize>) -> Self {
+        assert_eq!(springs.len(), self.damping.len(), "one for each");
+        self.is_off = vec![false; springs.len()];
+        self.springs = springs;
+        self
+    }
+
+    /// Whether its spring is broken.
+    fn is_off(&self, index: usize) -> bool {
+        self.is_off.get(index).is_some_and(|&is_off| is_off)
+    }
+
     /// What acts of a dashpot at a length in m, and what its damping changes by with
     /// the length, in N·s/m².
     fn acting(&self, index: usize, length: impl FnOnce() -> f64) -> (Dashpot, f64) {
-        let damping = self.damping[index];
+        let damping = if self.is_off(index) {
+            0.0
+        } else {
+            self.damping[index]
+        };
         let Some(fading) = self.fading.get(index) else {
             return (Dashpot { damping }, 0.0);
         };
@@ -93,9 +116,7 @@ impl Dashpots {
     /// [`dashpot::heat_of_passage`].
     fn heat_of_passage(&self, index: usize, [start, end]: [Vector3<f64>; 2], h: f64) -> f64 {
         if self.fading.is_empty() {
-            let dashpot = Dashpot {
-                damping: self.damping[index],
-            };
+            let (dashpot, _) = self.acting(index, || 0.0);
             return dashpot::heat_of_passage(dashpot, &start, &end, h);
         }
         let pieces = PIECES as f64;
@@ -145,6 +166,15 @@ impl Emitter for Dashpots {
         self.damping = order.iter().map(|&index| self.damping[index]).collect();
         if !self.fading.is_empty() {
             self.fading = order.iter().map(|&index| self.fading[index]).collect();
+        }
+        if !self.springs.is_empty() {
+            self.springs = order.iter().map(|&index| self.springs[index]).collect();
+        }
+    }
+
+    fn follow_broken(&mut self, springs: &[usize]) {
+        for (is_off, spring) in self.is_off.iter_mut().zip(&self.springs) {
+            *is_off = springs.binary_search(spring).is_ok();
         }
     }
 

@@ -167,6 +167,44 @@ pub trait Emitter: Send + Sync {
     ) {
     }
 
+    /// Whether what its terms give may [change for good](Self::update_memory).
+    fn has_memory(&self) -> bool {
+        false
+    }
+
+    /// Changes for good what lasts of having come to `x`, asked at the start and after
+    /// every step that stands, with the numbers that a method carried in place of those
+    /// at `x`. Stencils, bounds and what may be relied on stay as they are.
+    fn update_memory(
+        &mut self,
+        _x: &[Vector3<f64>],
+        _carried: Option<&[f64]>,
+        _update: &mut MemoryUpdate,
+    ) {
+    }
+
+    /// Hands over the free blocks and the tension, in N, of every spring that
+    /// [`Self::update_memory`] would break at `x`.
+    fn each_breaking(&self, _x: &[Vector3<f64>], _visit: &mut dyn FnMut(&[u32], f64)) {}
+
+    /// Hands over the numbers that its terms remember, always in the same order, to be
+    /// saved or replaced.
+    fn visit_memory(&mut self, _visit: &mut dyn FnMut(&mut f64)) {}
+
+    /// Hands over its springs that are broken, by their indices in the list that it was
+    /// made from, ascending.
+    fn each_broken(&self, _visit: &mut dyn FnMut(usize)) {}
+
+    /// Hands over its springs that have yielded, in any order, and by how much, in m.
+    fn each_yielded(&self, _visit: &mut dyn FnMut(usize, f64)) {}
+
+    /// Takes note of all springs of the scene that are broken, ascending: what goes with
+    /// them, such as their dashpots, gives nothing as long as they are.
+    fn follow_broken(&mut self, _springs: &[usize]) {}
+
+    /// What is carried of broken springs is zero.
+    fn clear_broken(&self, _carried: &mut [f64]) {}
+
     /// How many terms a projection makes a difference to.
     fn count_projected(&self, _at: &Evaluation<'_>) -> usize {
         0
@@ -250,6 +288,26 @@ pub struct BetweenFixed {
     pub work: f64,
     /// Heat, which is part of it.
     pub heat: f64,
+}
+
+/// What changed for good at the end of a step.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MemoryUpdate {
+    /// Springs that broke, by their indices in the list that their emitter was made from.
+    pub broken: Vec<BrokenSpring>,
+    /// Energy, in J, that was lost otherwise.
+    pub other_energy: f64,
+    /// Whether forces jumped, as where springs broke.
+    pub is_abrupt: bool,
+}
+
+/// A spring that broke.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BrokenSpring {
+    /// Its index.
+    pub spring: usize,
+    /// What it held, in J, and is lost.
+    pub energy: f64,
 }
 
 /// A spring under tension or pressure.

@@ -22,8 +22,10 @@ impl Lines {
     pub const DRAG: usize = 4;
     /// The line of springs with laws beside the linear one.
     pub const LAWS: usize = 5;
+    /// The line of springs that can break, whatever their laws.
+    pub const BREAKABLE: usize = 6;
     /// The first line of other emitters.
-    pub const OTHERS: usize = 6;
+    pub const OTHERS: usize = 7;
 
     /// All lines together.
     pub fn sum(&self) -> f64 {
@@ -93,7 +95,8 @@ impl Energy {
 
     /// Of the springs of a scene.
     pub fn elastic(&self) -> f64 {
-        self.potential[Lines::ELASTIC] + self.potential[Lines::LAWS]
+        let lines = [Lines::ELASTIC, Lines::LAWS, Lines::BREAKABLE];
+        lines.map(|line| self.potential[line]).iter().sum()
     }
 
     /// Of gravity.

@@ -3,31 +3,62 @@
 use crate::{CompileError, SpringBetween, Springs};
 use springs_math::dashpot::Fading;
 use springs_math::law::{
-    Bilinear, CompressionOnly, Law, Point, Polynomial, Power, StrainLimit, Table, TableError,
-    TensionOnly,
+    Bilinear, Breaking, CompressionOnly, Law, Limit, Plastic, Point, Polynomial, Power,
+    StrainLimit, Table, TableError, TensionOnly,
 };
-use springs_math::spring;
-use springs_scene::{Scene, Spring, SpringLaw};
+use springs_math::spring::{self, LengthLaw};
+use springs_scene::{BreakLimit, Scene, Spring, SpringLaw};
 
-/// The springs of a scene that have a law beside the linear one. None of them are merged.
+/// The springs of a scene that have a law beside the linear one, and cannot break. None
+/// of them are merged.
 pub(crate) fn springs_with_laws(scene: &Scene) -> Result<Springs<Law>, CompileError> {
+    let has_law = |spring: &Spring| spring.law.is_some() && !spring.is_breakable();
+    springs_where(scene, "springs with laws", has_law, |_, law| law)
+}
+
+/// The springs of a scene that can break or have broken. None of them are merged.
+pub(crate) fn springs_that_break(scene: &Scene) -> Result<Springs<Breaking<Law>>, CompileError> {
+    let with_limit = |spring: &Spring, law| Breaking {
+        law,
+        limit: spring.breaks_at.map(|limit| match limit {
+            BreakLimit::Strain(strain) => Limit::Strain(strain),
+            BreakLimit::Force(force) => Limit::Tension(force),
+        }),
+        is_broken: spring.broken,
+    };
+    let name = "springs that can break";
+    springs_where(scene, name, Spring::is_breakable, with_limit)
+}
+
+/// Some springs of a scene with what their laws are made into.
+fn springs_where<L: LengthLaw + Clone>(
+    scene: &Scene,
+    name: &str,
+    is_one: impl Fn(&Spring) -> bool,
+    make: impl Fn(&Spring, Law) -> L,
+) -> Result<Springs<L>, CompileError> {
     let mut tables: Vec<Option<Table>> = vec![None; scene.laws.len()];
     let (mut index, mut springs) = (Vec::new(), Vec::new());
-    for (place, spring) in scene.springs.iter().enumerate() {
-        let Some(law) = spring.law else {
-            continue;
+    let all = scene.springs.iter().enumerate();
+    for (place, spring) in all.filter(|(_, spring)| is_one(spring)) {
+        let law = match spring.law {
+            None => Ok(Law::Linear(spring::Spring {
+                stiffness: spring.stiffness,
+                rest_length: spring.rest_length,
+            })),
+            Some(law) => law_of(spring, &scene.laws[law], &mut tables[law]),
         };
-        let law = law_of(spring, &scene.laws[law], &mut tables[law]);
+        let law = law.map_err(|source| CompileError::Law {
+            spring: place,
+            source,
+        })?;
         index.push(place);
         springs.push(SpringBetween {
             nodes: spring.nodes,
-            law: law.map_err(|source| CompileError::Law {
-                spring: place,
-                source,
-            })?,
+            law: make(spring, law),
         });
     }
-    Ok(Springs::with_index("springs with laws", &springs, index))
+    Ok(Springs::with_index(name, &springs, index))
 }
 
 /// The law of a spring; tables of one law share their curve, which is kept in `table`.
@@ -66,6 +97,16 @@ fn law_of(spring: &Spring, law: &SpringLaw, table: &mut Option<Table>) -> Result
             strain,
             stiffness: more,
             blend,
+        }),
+        SpringLaw::Plastic {
+            yields_at,
+            hardening,
+        } => Law::Plastic(Plastic {
+            stiffness,
+            rest_length,
+            yields_at,
+            hardening,
+            elongation: spring.yielded,
         }),
         SpringLaw::Power { exponent } => Law::Power(Power {
             stiffness,

@@ -54,8 +54,8 @@ pub use dashpots::Dashpots;
 pub use dofs::Numbering;
 pub use elements::{Element, PointMasses, SpringMasses};
 pub use emitter::{
-    BetweenFixed, Emitter, Evaluation, Nature, Notable, Projection, StiffnessKind, Strained,
-    Weights,
+    BetweenFixed, BrokenSpring, Emitter, Evaluation, MemoryUpdate, Nature, Notable, Projection,
+    StiffnessKind, Strained, Weights,
 };
 pub use energy::{Energy, Lines};
 pub use loads::{History, Loads};

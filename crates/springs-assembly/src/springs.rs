@@ -3,8 +3,8 @@
 use crate::connections::Connections;
 use crate::matrix::{OffDiagonal, PairBlocks, times};
 use crate::{
-    BetweenFixed, Emitter, Evaluation, Linearization, Nature, Notable, Numbering, Projection,
-    StiffnessKind, Strained,
+    BetweenFixed, BrokenSpring, Emitter, Evaluation, Linearization, MemoryUpdate, Nature, Notable,
+    Numbering, Projection, StiffnessKind, Strained,
 };
 use nalgebra::Vector3;
 use springs_math::Separation;
@@ -403,6 +403,71 @@ impl<L: LengthLaw + Clone + Send + Sync> Emitter for Springs<L> {
             let share = own_shares.get(index).copied().unwrap_or(1.0);
             visit(spring, share * self.tension(index, x, carried));
         }
+    }
+
+    fn has_memory(&self) -> bool {
+        self.laws.iter().any(LengthLaw::has_memory)
+    }
+
+    fn update_memory(
+        &mut self,
+        x: &[Vector3<f64>],
+        carried: Option<&[f64]>,
+        update: &mut MemoryUpdate,
+    ) {
+        let n_live = self.connections.live().end;
+        for index in 0..self.len() {
+            let length = Separation::of(&self.connections.difference(index, x)).length;
+            let carried = carried.filter(|_| index < n_live);
+            let law = &mut self.laws[index];
+            let was_broken = law.is_broken();
+            let energy = law.update_memory(length, carried.map(|carried| carried[index]));
+            if law.is_broken() && !was_broken {
+                let spring = self.index[index];
+                update.broken.push(BrokenSpring { spring, energy });
+                update.is_abrupt = true;
+            } else {
+                update.other_energy += energy;
+            }
+        }
+    }
+
+    fn each_breaking(&self, x: &[Vector3<f64>], visit: &mut dyn FnMut(&[u32], f64)) {
+        for (index, law) in self.laws.iter().enumerate() {
+            let (tension, length) = self.tension_and_length(index, x);
+            if LengthLaw::would_break(law, length) {
+                visit(self.connections.free_ends(index), tension);
+            }
+        }
+    }
+
+    fn visit_memory(&mut self, visit: &mut dyn FnMut(&mut f64)) {
+        for law in &mut self.laws {
+            law.visit_memory(visit);
+        }
+    }
+
+    fn each_broken(&self, visit: &mut dyn FnMut(usize)) {
+        let springs = self.index.iter().zip(&self.laws);
+        let broken = springs.filter(|(_, law)| law.is_broken());
+        let mut broken: Vec<usize> = broken.map(|(&spring, _)| spring).collect();
+        broken.sort_unstable();
+        broken.into_iter().for_each(visit);
+    }
+
+    fn each_yielded(&self, visit: &mut dyn FnMut(usize, f64)) {
+        for (&spring, law) in self.index.iter().zip(&self.laws) {
+            let elongation = LengthLaw::elongation(law);
+            if elongation != 0.0 {
+                visit(spring, elongation);
+            }
+        }
+    }
+
+    fn clear_broken(&self, carried: &mut [f64]) {
+        let broken = carried.iter_mut().zip(&self.laws);
+        let broken = broken.filter(|(_, law)| law.is_broken());
+        broken.for_each(|(carried, _)| *carried = 0.0);
     }
 
     /// Tensions of the springs with a free end, in N; zero for the rest.

@@ -2,6 +2,7 @@
 
 mod bounds;
 mod energies;
+mod memory;
 
 use crate::guides::Guides;
 use crate::prescribed::Prescribed;
@@ -23,6 +24,7 @@ pub struct System {
     inverse_masses: Vec<f64>,
     emitters: Vec<Box<dyn Emitter>>,
     natures: Vec<Nature>,
+    has_memory: bool,
     /// Of all emitters that are constant, on the free blocks, in N.
     constant_forces: Vec<Vector3<f64>>,
     couplings: Couplings,
@@ -95,6 +97,7 @@ impl System {
             inverse_masses: masses.iter().map(|mass| 1.0 / mass).collect(),
             masses,
             natures,
+            has_memory: emitters.iter().any(|emitter| emitter.has_memory()),
             emitters,
             couplings,
             motion,

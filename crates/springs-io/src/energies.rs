@@ -9,7 +9,7 @@ pub static ENERGIES: Table = Table {
     name: "energy",
     about: "energy.csv: where the energy is and went, at each frame",
     file: "energy.csv",
-    header: "time,kinetic,elastic,gravity,total,anchor_work,dashpot_heat,method_gain,load_work",
+    header: "time,kinetic,elastic,gravity,total,anchor_work,dashpot_heat,method_gain,load_work,broken_energy",
     rows: Rows::Energies(row),
 };
 
@@ -21,10 +21,11 @@ fn row(energies: &FrameEnergies, bytes: &mut Vec<u8>) {
         dashpot_heat,
         method_gain,
         load_work,
+        broken_energy,
     } = energies;
     writeln!(
         bytes,
-        "{time:?},{:?},{:?},{:?},{:?},{anchor_work:?},{dashpot_heat:?},{method_gain:?},{load_work:?}",
+        "{time:?},{:?},{:?},{:?},{:?},{anchor_work:?},{dashpot_heat:?},{method_gain:?},{load_work:?},{broken_energy:?}",
         energy.kinetic, energy.elastic, energy.gravity, energy.total
     )
     .expect("writing to memory");
@@ -58,6 +59,7 @@ mod tests {
             dashpot_heat: 5.0,
             method_gain: -0.0,
             load_work: 0.5,
+            broken_energy: 0.25,
         };
         sink.energies(&energies).unwrap();
         sink.finish(&RunEnd {
@@ -69,8 +71,8 @@ mod tests {
         let text = std::fs::read_to_string(folder.path().join("energy.csv")).unwrap();
         assert_eq!(
             text,
-            "time,kinetic,elastic,gravity,total,anchor_work,dashpot_heat,method_gain,load_work\n\
-             0.5,1.0,2.0,-3.0,0.1,4.0,5.0,-0.0,0.5\n"
+            "time,kinetic,elastic,gravity,total,anchor_work,dashpot_heat,method_gain,load_work,broken_energy\n\
+             0.5,1.0,2.0,-3.0,0.1,4.0,5.0,-0.0,0.5,0.25\n"
         );
     }
 }

@@ -37,9 +37,9 @@ pub static SPRINGS: Table = Table {
 
 fn springs(frame: &TrajectoryFrame<'_>, members: &FrameMembers<'_>, bytes: &mut Vec<u8>) {
     let springs = members.springs.iter().zip(members.tensions);
-    for (index, (spring, &tension)) in springs.enumerate() {
+    for ((index, (spring, &tension)), state) in springs.enumerate().zip(states(members)) {
         let length = frame.length_of(spring);
-        let (time, state) = (frame.time, state(tension));
+        let (time, state) = (frame.time, state.word());
         let strain = strain(spring, length).map_or(String::new(), |strain| format!("{strain:?}"));
         writeln!(
             bytes,
@@ -54,17 +54,58 @@ pub(crate) fn strain(spring: &Spring, length: f64) -> Option<f64> {
     (spring.rest_length > 0.0).then(|| (length - spring.rest_length) / spring.rest_length)
 }
 
-/// 1: taut, −1: pushed, 0: slack.
-pub(crate) fn sign(tension: f64) -> i8 {
-    i8::from(tension > 0.0) - i8::from(tension < 0.0)
+/// What a spring does at a frame.
+#[derive(Clone, Copy)]
+pub(crate) enum SpringState {
+    Slack,
+    Taut,
+    Pushed,
+    Broken,
+    Yielded,
 }
 
-fn state(tension: f64) -> &'static str {
-    match sign(tension) {
-        1 => "taut",
-        -1 => "pushed",
-        _ => "slack",
+impl SpringState {
+    fn word(self) -> &'static str {
+        match self {
+            Self::Slack => "slack",
+            Self::Taut => "taut",
+            Self::Pushed => "pushed",
+            Self::Broken => "broken",
+            Self::Yielded => "yielded",
+        }
     }
+
+    /// For formats without words.
+    pub(crate) fn number(self) -> i8 {
+        match self {
+            Self::Slack => 0,
+            Self::Taut => 1,
+            Self::Pushed => -1,
+            Self::Broken => 2,
+            Self::Yielded => 3,
+        }
+    }
+}
+
+/// That of each spring.
+pub(crate) fn states<'a>(members: &FrameMembers<'a>) -> impl Iterator<Item = SpringState> + 'a {
+    let mut broken = members.broken.iter().peekable();
+    let mut yielded = members.yielded.iter().peekable();
+    let tensions = members.tensions.iter().enumerate();
+    tensions.map(move |(index, &tension)| {
+        let has_yielded = yielded.next_if_eq(&&index).is_some();
+        if broken.next_if_eq(&&index).is_some() {
+            SpringState::Broken
+        } else if has_yielded {
+            SpringState::Yielded
+        } else if tension > 0.0 {
+            SpringState::Taut
+        } else if tension < 0.0 {
+            SpringState::Pushed
+        } else {
+            SpringState::Slack
+        }
+    })
 }
 
 const PEAKS: &str = "peaks.csv";

@@ -70,6 +70,8 @@ pub struct Report {
     pub newton_iterations: u64,
     /// Springs clamped on demand, summed over steps.
     pub clamped_springs: u64,
+    /// Springs that broke.
+    pub broken_springs: usize,
     /// What trial runs did that settled the method and the steps; not in the
     /// counts above, except for symbolic factorizations.
     pub trials: TrialsReport,
@@ -159,7 +161,8 @@ pub struct SecondsReport {
     pub output: f64,
 }
 
-/// Energy in J: end = start + anchor_work − dashpot_heat + method_gain.
+/// Energy in J: end = start + anchor_work + load_work − dashpot_heat − broken_energy +
+/// method_gain.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct EnergyReport {
     /// At time 0.
@@ -172,6 +175,8 @@ pub struct EnergyReport {
     pub dashpot_heat: f64,
     /// Work of loads.
     pub load_work: f64,
+    /// What broken springs held when they broke, and the work of yielding.
+    pub broken_energy: f64,
     /// The rest: gain of the method itself, negative for a loss. Heat and work
     /// are integrated from step ends, to order 2 at most; what that misses is
     /// in here, too.

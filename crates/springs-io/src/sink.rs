@@ -155,6 +155,10 @@ pub struct FrameMembers<'a> {
     pub springs: &'a [Spring],
     /// The tension of each, in N, without the force of its dashpot.
     pub tensions: &'a [f64],
+    /// The broken ones among them, ascending.
+    pub broken: &'a [usize],
+    /// Those that have yielded, ascending.
+    pub yielded: &'a [usize],
     /// Nodes and the forces of their supports on them, in N.
     pub reactions: &'a [(usize, Vector3<f64>)],
 }
@@ -201,6 +205,8 @@ pub struct FrameEnergies {
     pub load_work: f64,
     /// Gain of the method itself since the start, negative for a loss.
     pub method_gain: f64,
+    /// What broken springs held when they broke, and the work of yielding.
+    pub broken_energy: f64,
 }
 
 /// How far an output is written, in words of its own; part of a checkpoint.

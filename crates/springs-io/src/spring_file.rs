@@ -2,7 +2,7 @@
 
 use crate::scene_file::{List, NodeIndex, Real, Tuple};
 use serde::Deserialize;
-use springs_scene::SpringLaw;
+use springs_scene::{BreakLimit, SpringLaw};
 
 /// A spring. What most scenes do without is apart, so that they pay nothing for it.
 #[derive(Deserialize)]
@@ -23,6 +23,8 @@ pub(crate) struct More {
     pub(crate) pretension: Option<f64>,
     pub(crate) prestrain: Option<f64>,
     pub(crate) force_density: Option<f64>,
+    pub(crate) broken: bool,
+    pub(crate) yielded: f64,
     pub(crate) properties: MaterialEntry,
 }
 
@@ -48,6 +50,9 @@ struct SpringFields {
     density: Option<Real>,
     damping_ratio: Option<Real>,
     law: Option<LawEntry>,
+    breaks_at: Option<LimitEntry>,
+    broken: Option<bool>,
+    yielded: Option<Real>,
 }
 
 impl From<SpringFields> for SpringEntry {
@@ -71,6 +76,9 @@ impl From<SpringFields> for SpringEntry {
             density,
             damping_ratio,
             law,
+            breaks_at,
+            broken,
+            yielded,
         } = fields;
         let numbers = [
             pretension,
@@ -83,14 +91,21 @@ impl From<SpringFields> for SpringEntry {
             mass_per_length,
             density,
             damping_ratio,
+            yielded,
         ];
-        let has_more = material.is_some() || law.is_some() || numbers.iter().any(Option::is_some);
+        let has_more = material.is_some()
+            || law.is_some()
+            || breaks_at.is_some()
+            || broken.is_some()
+            || numbers.iter().any(Option::is_some);
         let more = has_more.then(|| {
             Box::new(More {
                 material,
                 pretension: number(pretension),
                 prestrain: number(prestrain),
                 force_density: number(force_density),
+                broken: broken.unwrap_or(false),
+                yielded: number(yielded).unwrap_or(0.0),
                 properties: MaterialEntry {
                     axial_stiffness,
                     modulus,
@@ -101,6 +116,7 @@ impl From<SpringFields> for SpringEntry {
                     damping: None,
                     damping_ratio,
                     law,
+                    breaks_at,
                 },
             })
         });
@@ -130,6 +146,24 @@ pub(crate) struct MaterialEntry {
     pub(crate) damping: Option<Real>,
     pub(crate) damping_ratio: Option<Real>,
     pub(crate) law: Option<LawEntry>,
+    pub(crate) breaks_at: Option<LimitEntry>,
+}
+
+/// Where springs break.
+#[derive(Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields, rename = "BreaksAt")]
+pub(crate) enum LimitEntry {
+    Strain(Real),
+    Force(Real),
+}
+
+impl LimitEntry {
+    pub(crate) fn limit(self) -> BreakLimit {
+        match self {
+            Self::Strain(Real(strain)) => BreakLimit::Strain(strain),
+            Self::Force(Real(force)) => BreakLimit::Force(force),
+        }
+    }
 }
 
 #[derive(Clone, Deserialize)]
@@ -155,6 +189,10 @@ pub(crate) enum LawEntry {
     },
     Power {
         exponent: Real,
+    },
+    Plastic {
+        yields_at: Real,
+        hardening: Option<Real>,
     },
 }
 
@@ -185,6 +223,13 @@ impl LawEntry {
                 strain: strain.0,
                 stiffness: stiffness.0,
                 blend: blend(given),
+            },
+            Self::Plastic {
+                yields_at,
+                hardening,
+            } => SpringLaw::Plastic {
+                yields_at: yields_at.0,
+                hardening: hardening.map_or(0.0, |real| real.0),
             },
             Self::Power { exponent } => SpringLaw::Power {
                 exponent: exponent.0,

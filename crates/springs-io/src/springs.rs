@@ -3,7 +3,7 @@
 
 use crate::read::{Finding, no_such};
 use crate::scene_file::Real;
-use crate::spring_file::{LawEntry, MaterialEntry, More, SpringEntry};
+use crate::spring_file::{LawEntry, LimitEntry, MaterialEntry, More, SpringEntry};
 use springs_scene::{
     AxialStiffness, Node, Path, PretensionError, Scene, Spring, SpringLaw, printable,
     rest_length_under,
@@ -216,6 +216,15 @@ impl SpringReader<'_> {
         self.one_of(owner, section_of(entry));
         self.one_of(owner, mass_of(entry));
         self.one_of(owner, damping_of(entry));
+        if let (Owner::Material(_), Some(limit)) = (owner, entry.breaks_at.map(LimitEntry::limit))
+            && !limit.is_possible()
+        {
+            let (words, name, value) = (self.words(owner), limit.name(), limit.value());
+            let message = format!(
+                "the {name} at which springs of {words} break must not be negative, but is {value}"
+            );
+            self.find(owner.path("breaks_at"), message, None);
+        }
         let law = entry.law.as_ref().and_then(LawEntry::law);
         if let (Some(law), Some((field, _))) = (&law, axial_of(entry).into_iter().flatten().next())
             && law.own_axial_stiffness().is_some()
@@ -253,6 +262,9 @@ impl SpringReader<'_> {
             mass: entry.mass.unwrap_or(0.0),
             damping: entry.damping.unwrap_or(0.0),
             law: None,
+            breaks_at: None,
+            broken: false,
+            yielded: 0.0,
         };
         if let Some(more) = &entry.more {
             self.resolve(index, entry, more, length, &mut spring);
@@ -317,6 +329,13 @@ impl SpringReader<'_> {
         };
         self.check(owner, &more.properties);
         spring.law = self.law(index, more.properties.law.as_ref(), material);
+        let materials = self.materials;
+        let common = material.and_then(|material| materials[material].1.breaks_at);
+        // What is wrong with that of a material is said there.
+        let common = common.filter(|limit| limit.limit().is_possible());
+        spring.breaks_at = more.properties.breaks_at.or(common).map(LimitEntry::limit);
+        spring.broken = more.broken;
+        spring.yielded = more.yielded;
         let Some(means) = self.means(index, entry, &more.properties, material) else {
             return;
         };

@@ -4,8 +4,8 @@ use crate::atomic::{Draft, WriteError};
 use crate::scene_file::VERSION;
 use nalgebra::Vector3;
 use springs_scene::{
-    Guide, LinearTolerance, Load, Method, OverTime, PrescribedMotion, Rayleigh, RunOptions, Scene,
-    SpringLaw, Start, StepControl,
+    BreakLimit, Guide, LinearTolerance, Load, Method, OverTime, PrescribedMotion, Rayleigh,
+    RunOptions, Scene, SpringLaw, Start, StepControl,
 };
 use std::fmt::Write as _;
 use std::io::{self, Write};
@@ -81,6 +81,19 @@ fn write_text(scene: &Scene, options: &RunOptions, text: &mut dyn Write) -> io::
         push_number(&mut fields, "damping", spring.damping);
         if let Some(law) = spring.law {
             fields += &format!(", material: {}", material(law));
+        }
+        match spring.breaks_at {
+            None => {}
+            Some(BreakLimit::Strain(strain)) => {
+                fields += &format!(", breaks_at: Strain({})", number(strain));
+            }
+            Some(BreakLimit::Force(force)) => {
+                fields += &format!(", breaks_at: Force({})", number(force));
+            }
+        }
+        push_number(&mut fields, "yielded", spring.yielded);
+        if spring.broken {
+            fields += ", broken: true";
         }
         fields
     });
@@ -172,6 +185,13 @@ fn law_text(law: &SpringLaw) -> String {
         } => {
             let [strain, stiffness, blend] = [strain, stiffness, blend].map(|x| number(*x));
             format!("{name}(strain: {strain}, stiffness: {stiffness}, blend: {blend})")
+        }
+        SpringLaw::Plastic {
+            yields_at,
+            hardening,
+        } => {
+            let (yields_at, hardening) = (number(*yields_at), number(*hardening));
+            format!("{name}(yields_at: {yields_at}, hardening: {hardening})")
         }
         SpringLaw::Power { exponent } => format!("{name}(exponent: {})", number(*exponent)),
         SpringLaw::Polynomial(coefficients) => {

@@ -41,6 +41,37 @@ pub trait LengthLaw {
 
     /// Whether k is never negative.
     fn is_convex(&self) -> bool;
+
+    /// Whether [`Self::update_memory`] may change it.
+    fn has_memory(&self) -> bool {
+        false
+    }
+
+    /// Changes for good what lasts of having come to the length l in m, as where the
+    /// spring breaks; returns the energy V(l), in J, that is lost with it. A tension in
+    /// N that is known better than from the length stands for it.
+    fn update_memory(&mut self, _length: f64, _known: Option<f64>) -> f64 {
+        0.0
+    }
+
+    /// Whether [`Self::update_memory`] would break it at the length l in m.
+    fn would_break(&self, _length: f64) -> bool {
+        false
+    }
+
+    /// Whether it has broken: then it gives nothing any more.
+    fn is_broken(&self) -> bool {
+        false
+    }
+
+    /// How much longer it is for good than when it was new, in m.
+    fn elongation(&self) -> f64 {
+        0.0
+    }
+
+    /// Hands over the numbers that it remembers, always in the same order, to be saved or
+    /// replaced.
+    fn visit_memory(&mut self, _visit: &mut dyn FnMut(&mut f64)) {}
 }
 
 impl<L: LengthLaw> LengthLaw for &L {
@@ -72,6 +103,14 @@ impl<L: LengthLaw> LengthLaw for &L {
     #[inline(always)]
     fn is_convex(&self) -> bool {
         L::is_convex(self)
+    }
+
+    fn is_broken(&self) -> bool {
+        L::is_broken(self)
+    }
+
+    fn elongation(&self) -> f64 {
+        L::elongation(self)
     }
 }
 

@@ -8,7 +8,7 @@ use springs::step::{Account, Frame, Observer};
 use std::ops::ControlFlow;
 
 /// Energies of each frame, by name, in J.
-pub(crate) const ENERGIES: [&str; 8] = [
+pub(crate) const ENERGIES: [&str; 9] = [
     "kinetic",
     "elastic",
     "gravity",
@@ -16,6 +16,7 @@ pub(crate) const ENERGIES: [&str; 8] = [
     "anchor_work",
     "load_work",
     "dashpot_heat",
+    "broken_energy",
     "method",
 ];
 
@@ -131,6 +132,7 @@ impl Observer for Recorder {
             ledger.anchor_work,
             ledger.load_work,
             ledger.heat.sum(),
+            ledger.broken_energy,
             ledger.method_gain(energy),
         ];
         let energies = self.record.energies.iter_mut();

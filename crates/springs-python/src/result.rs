@@ -219,6 +219,9 @@ impl RunResult {
                 members: Some(FrameMembers {
                     springs: &self.scene.springs,
                     tensions: &numbers.tensions[index * k..(index + 1) * k],
+                    // Arrays and pages do without these.
+                    broken: &[],
+                    yielded: &[],
                     reactions: &[],
                 }),
             };
@@ -259,6 +262,7 @@ impl RunResult {
                 anchor_work,
                 load_work,
                 dashpot_heat,
+                broken_energy,
                 method_gain,
             ] = std::array::from_fn(|column| columns[column][k]);
             let energies = FrameEnergies {
@@ -273,6 +277,7 @@ impl RunResult {
                 dashpot_heat,
                 load_work,
                 method_gain,
+                broken_energy,
             };
             sink.energies(&energies).map_err(Fault::system)?;
         }

@@ -11,7 +11,8 @@ use springs::io::{parse_scene, scene_to_string};
 use springs::scene::{Load, OverTime, RunOptions, Scene, Spring, StepControl, Vector3};
 use springs::solver::Interrupt;
 use springs::step::{Cause, Simulation, StepError};
-use std::sync::{Mutex, PoisonError};
+use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Scenes with fewer free nodes make a step in less time than that between two looks
@@ -37,16 +38,18 @@ struct Before {
     anchor_work: f64,
     load_work: f64,
     heat: f64,
+    broken_energy: f64,
 }
 
 impl Before {
-    fn reals(&mut self) -> [&mut f64; 5] {
+    fn reals(&mut self) -> [&mut f64; 6] {
         [
             &mut self.start,
             &mut self.control_work,
             &mut self.anchor_work,
             &mut self.load_work,
             &mut self.heat,
+            &mut self.broken_energy,
         ]
     }
 }
@@ -107,6 +110,7 @@ impl PySimulation {
         let simulation = self.simulation();
         scene.shift_time(simulation.stepper().time());
         simulation.nodes().write_to(&mut scene);
+        write_memory(simulation, &mut scene);
         let next = compile(py, &scene, &self.options, &self.shared)?;
         let simulation = self.simulation();
         let (ledger, steps) = (simulation.ledger(), simulation.stepper().steps());
@@ -117,6 +121,7 @@ impl PySimulation {
         before.anchor_work += ledger.anchor_work;
         before.load_work += ledger.load_work;
         before.heat += ledger.heat.sum();
+        before.broken_energy += ledger.broken_energy;
         self.simulation = Mutex::new(next);
         self.scene = scene;
         Ok(())
@@ -225,6 +230,30 @@ fn compile(
     Ok(simulation)
 }
 
+/// Writes what is broken or has yielded into the springs of the scene.
+fn write_memory(simulation: &Simulation, scene: &mut Scene) {
+    let system = simulation.system();
+    for spring in system.broken() {
+        scene.springs[spring].broken = true;
+    }
+    for (spring, elongation) in system.yielded() {
+        scene.springs[spring].yielded = elongation;
+    }
+}
+
+/// What is beyond its limit at the end of the last step breaks or yields now, as in a run;
+/// else it does when the next step begins.
+fn end_step(simulation: &mut Simulation, shared: &Shared) -> Result<(), StepError> {
+    if !simulation.system().has_memory() {
+        return Ok(());
+    }
+    // A run that is already asked to stop ends the last step and makes none.
+    simulation.set_interrupt(&Interrupt::from(Arc::new(AtomicBool::new(true))));
+    let ended = simulation.run(1, &mut ());
+    simulation.set_interrupt(&Interrupt::from(shared.is_stopped.clone()));
+    ended.map(drop)
+}
+
 struct SavedState<'a> {
     skip: bool,
     threads: usize,
@@ -319,7 +348,8 @@ impl PySimulation {
         let anchor_work = before.anchor_work + ledger.anchor_work;
         let load_work = before.load_work + ledger.load_work;
         let heat = before.heat + ledger.heat.sum();
-        let flows = heat - anchor_work - load_work - before.control_work;
+        let broken_energy = before.broken_energy + ledger.broken_energy;
+        let taken = heat + broken_energy - anchor_work - load_work - before.control_work;
         let numbers = [
             energy.kinetic,
             energy.elastic(),
@@ -328,7 +358,8 @@ impl PySimulation {
             anchor_work,
             load_work,
             heat,
-            energy.total() - before.start + flows,
+            broken_energy,
+            energy.total() - before.start + taken,
         ];
         let energies = PyDict::new(py);
         for (name, number) in ENERGIES.into_iter().zip(numbers) {
@@ -410,6 +441,8 @@ impl PySimulation {
             shared.go_on();
             done?
         };
+        let ended = end_step(self.simulation(), &shared);
+        let made = made.and(ended);
         match (raised, made) {
             (Some(raised), _) => Err(interrupted(py, raised, self.time())?),
             (None, Err(error)) if error.cause != Cause::Interrupted => {

@@ -126,6 +126,9 @@ pub(crate) fn make(scene: &Scene, ij: &Bound<'_, PyAny>, given: &Given<'_, '_>) 
             },
             damping: of(&damping),
             law: None,
+            breaks_at: None,
+            broken: false,
+            yielded: 0.0,
         });
     }
     let ratios = damping_ratio.unwrap_or_default().into_iter().enumerate();

@@ -44,6 +44,14 @@ pub enum SpringLaw {
     /// falls where they do; K is the slope of the line through the two points around
     /// ε = 0.
     Table(Arc<[[f64; 2]]>),
+    /// K up to a tension of ±`yields_at`; from there on it yields, and keeps a part of its
+    /// change of length for good (kinematic hardening).
+    Plastic {
+        /// In N.
+        yields_at: f64,
+        /// The stiffness while it yields, in N/m; below K.
+        hardening: f64,
+    },
 }
 
 /// What is wrong with a law.
@@ -139,6 +147,7 @@ impl SpringLaw {
             Self::Power { .. } => "Power",
             Self::Polynomial(_) => "Polynomial",
             Self::Table(_) => "Table",
+            Self::Plastic { .. } => "Plastic",
         }
     }
 
@@ -160,9 +169,10 @@ impl SpringLaw {
     /// Whether it is a law in strain, so that l₀ must not be zero.
     pub fn needs_rest_length(&self) -> bool {
         match self {
-            Self::TensionOnly { .. } | Self::CompressionOnly { .. } | Self::Bilinear { .. } => {
-                false
-            }
+            Self::TensionOnly { .. }
+            | Self::CompressionOnly { .. }
+            | Self::Bilinear { .. }
+            | Self::Plastic { .. } => false,
             Self::Limit { .. } | Self::Power { .. } | Self::Polynomial(_) | Self::Table(_) => true,
         }
     }
@@ -186,6 +196,13 @@ impl SpringLaw {
                 strain,
                 stiffness: stiffness * factor,
                 blend,
+            },
+            &Self::Plastic {
+                yields_at,
+                hardening,
+            } => Self::Plastic {
+                yields_at: yields_at * factor,
+                hardening: hardening * factor,
             },
             Self::Polynomial(coefficients) => {
                 Self::Polynomial(coefficients.iter().map(|a| a * factor).collect())
@@ -235,6 +252,11 @@ impl SpringLaw {
                     }),
             },
             Self::Table(points) => fault_of_table(points),
+            Self::Plastic {
+                yields_at,
+                hardening,
+            } => not_negative("the tension at which `Plastic` yields", *yields_at)
+                .or_else(|| not_negative("the hardening of `Plastic`", *hardening)),
         }
     }
 }

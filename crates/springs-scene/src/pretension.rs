@@ -109,7 +109,10 @@ pub fn rest_length_under(
             let strain = (tension.abs() / axial).powf(exponent.recip());
             return sound(tension, length / (1.0 + strain.copysign(tension)));
         }
-        SpringLaw::Polynomial(_) | SpringLaw::Table(_) => {
+        SpringLaw::Plastic { yields_at, .. } if tension.abs() <= yields_at => {
+            (axial, 0.0..=f64::INFINITY)
+        }
+        SpringLaw::Polynomial(_) | SpringLaw::Table(_) | SpringLaw::Plastic { .. } => {
             return Err(PretensionError::NotSolved { law: name });
         }
     };

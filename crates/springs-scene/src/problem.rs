@@ -1,7 +1,7 @@
 //! Something that is wrong with a scene, in words.
 
 use crate::path::subject;
-use crate::{Guide, LawFault, Path};
+use crate::{BreakLimit, Guide, LawFault, Path};
 
 /// Something that keeps a scene from being simulated.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -119,6 +119,36 @@ pub enum Problem {
         stiffness: f64,
         /// That of its law, in N/m.
         own: f64,
+    },
+    /// A spring is stiffer while it yields than before.
+    #[error(
+        "the hardening of the law of spring {spring}, {hardening:?} N/m, must be below its \
+         stiffness, which is {stiffness:?} N/m"
+    )]
+    HardensTooMuch {
+        /// The spring.
+        spring: usize,
+        /// That of its law, in N/m.
+        hardening: f64,
+        /// Its K, in N/m.
+        stiffness: f64,
+    },
+    /// A spring cannot break where it should.
+    #[error(
+        "the {} at which spring {spring} breaks must be finite and not negative, but is {}",
+        limit.name(), limit.value()
+    )]
+    BreakLimit {
+        /// The spring.
+        spring: usize,
+        /// Where it should break.
+        limit: BreakLimit,
+    },
+    /// A strain needs a length to refer to.
+    #[error("spring {spring} breaks at a strain, so its rest length must be greater than zero")]
+    NoBreakingStrain {
+        /// The spring.
+        spring: usize,
     },
     /// A load acts on a node that is not there.
     #[error("load {load} acts on node {node}, but {}", available(*nodes))]
@@ -270,9 +300,14 @@ impl Problem {
             Self::TooStrained { spring } | Self::OtherStiffness { spring, .. } => {
                 Path::Spring(spring, Some("stiffness"))
             }
-            Self::NoSuchLaw { spring, .. } => Path::Spring(spring, Some("law")),
+            Self::NoSuchLaw { spring, .. } | Self::HardensTooMuch { spring, .. } => {
+                Path::Spring(spring, Some("law"))
+            }
             Self::Law { law, .. } => Path::Law(law),
             Self::NoStrain { spring } => Path::Spring(spring, Some("rest_length")),
+            Self::BreakLimit { spring, .. } | Self::NoBreakingStrain { spring } => {
+                Path::Spring(spring, Some("breaks_at"))
+            }
             Self::TooShort { .. } => Path::Simulation("step"),
             Self::TooMany { what, .. } => Path::Scene(what),
         }
@@ -285,6 +320,8 @@ impl Problem {
             Self::NoSuchMotion { .. } => Some("motions are counted from 0"),
             Self::NoSuchLaw { .. } => Some("laws are counted from 0"),
             Self::Law { fault, .. } => fault.advice(),
+            Self::HardensTooMuch { .. } => Some("it is the stiffness while the spring yields"),
+            Self::NoBreakingStrain { .. } => Some("give it a rest_length, or break it at a Force"),
             Self::OtherStiffness { .. } => Some("leave the stiffness out"),
             Self::MovesFreely { .. } => Some("write fixed: true, or leave the motion out"),
             Self::EmptyMotion { .. } => Some("give it a point (time, (x, y, z)), or leave it out"),

@@ -2,8 +2,8 @@
 
 use crate::problem::SHORTEST_STEP;
 use crate::{
-    Guide, Load, Node, OverTime, Path, PrescribedMotion, Problem, RunOptions, Scene, Spring,
-    SpringLaw, StepControl,
+    BreakLimit, Guide, Load, Node, OverTime, Path, PrescribedMotion, Problem, RunOptions, Scene,
+    Spring, SpringLaw, StepControl,
 };
 use nalgebra::Vector3;
 
@@ -71,6 +71,10 @@ impl Scene {
             problems.not_negative(path("damping"), spring.damping);
             if let Some(law) = spring.law {
                 problems.has_law(index, spring, law, &self.laws);
+            }
+            problems.all_finite(path("yielded"), &[spring.yielded]);
+            if let Some(limit) = spring.breaks_at {
+                problems.breaks_at(index, spring, limit);
             }
         }
         for (law, fault) in self.laws.iter().map(SpringLaw::fault).enumerate() {
@@ -211,6 +215,16 @@ impl Problems {
             rest_length,
             ..
         } = *spring;
+        if let SpringLaw::Plastic { hardening, .. } = *found
+            && found.fault().is_none()
+            && hardening >= stiffness
+        {
+            return self.0.push(Problem::HardensTooMuch {
+                spring: index,
+                hardening,
+                stiffness,
+            });
+        }
         if !found.needs_rest_length() || found.fault().is_some() {
             return;
         }
@@ -226,6 +240,17 @@ impl Problems {
                 stiffness,
                 own,
             });
+        }
+    }
+
+    fn breaks_at(&mut self, index: usize, spring: &Spring, limit: BreakLimit) {
+        if !limit.is_possible() {
+            self.0.push(Problem::BreakLimit {
+                spring: index,
+                limit,
+            });
+        } else if matches!(limit, BreakLimit::Strain(_)) && spring.rest_length == 0.0 {
+            self.0.push(Problem::NoBreakingStrain { spring: index });
         }
     }
 
@@ -373,6 +398,9 @@ mod tests {
             mass: 0.0,
             damping: f64::NAN,
             law: None,
+            breaks_at: None,
+            broken: false,
+            yielded: 0.0,
         };
         scene.springs.push(spring);
         scene.springs.push(Spring {

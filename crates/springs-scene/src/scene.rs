@@ -107,12 +107,54 @@ pub struct Spring {
     pub damping: f64,
     /// The index of its law among those of the scene; `None`: the linear one.
     pub law: Option<usize>,
+    /// Where it breaks, if it can.
+    pub breaks_at: Option<BreakLimit>,
+    /// Whether it has broken: then only its mass is left of it.
+    pub broken: bool,
+    /// How much longer it is for good than when it was new, in m, where its law yields.
+    pub yielded: f64,
+}
+
+/// Where a spring breaks. That is decided at the ends of steps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum BreakLimit {
+    /// Above this strain l/l₀ − 1.
+    Strain(f64),
+    /// Above this tension, in N.
+    Force(f64),
+}
+
+impl BreakLimit {
+    /// The number.
+    pub fn value(&self) -> f64 {
+        match *self {
+            Self::Strain(value) | Self::Force(value) => value,
+        }
+    }
+
+    /// Whether it is finite and not negative, as it must be.
+    pub fn is_possible(&self) -> bool {
+        self.value().is_finite() && self.value() >= 0.0
+    }
+
+    /// What it is: a strain or a force.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Strain(_) => "strain",
+            Self::Force(_) => "force",
+        }
+    }
 }
 
 impl Spring {
     /// Whether it has a force of its length.
     pub fn is_elastic(&self) -> bool {
-        self.stiffness > 0.0 || self.law.is_some()
+        !self.broken && (self.stiffness > 0.0 || self.law.is_some())
+    }
+
+    /// Whether it can break or has broken.
+    pub fn is_breakable(&self) -> bool {
+        self.broken || self.breaks_at.is_some()
     }
 }
 
@@ -204,6 +246,9 @@ impl Scene {
             mass: 0.0,
             damping: 0.0,
             law: None,
+            breaks_at: None,
+            broken: false,
+            yielded: 0.0,
         });
         self.springs.len() - 1
     }
@@ -256,6 +301,9 @@ impl Scene {
     /// If there is no such spring.
     pub fn dashpot(&self, spring: usize) -> f64 {
         let spring = &self.springs[spring];
+        if spring.broken {
+            return 0.0;
+        }
         spring.damping + self.damping.stiffness * spring.stiffness
     }
 

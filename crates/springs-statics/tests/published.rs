@@ -21,6 +21,9 @@ fn spring(a: usize, b: usize, stiffness: f64, rest_length: f64) -> Spring {
         mass: 0.0,
         damping: 0.0,
         law: None,
+        breaks_at: None,
+        broken: false,
+        yielded: 0.0,
     }
 }
 

@@ -14,6 +14,8 @@ pub struct Ledger {
     pub anchor_work: f64,
     /// Work done by loads.
     pub load_work: f64,
+    /// What springs held that broke, and the work of yielding.
+    pub broken_energy: f64,
 }
 
 impl Ledger {
@@ -24,6 +26,7 @@ impl Ledger {
             heat: Lines::default(),
             anchor_work: 0.0,
             load_work: 0.0,
+            broken_energy: 0.0,
         }
     }
 
@@ -39,6 +42,7 @@ impl Ledger {
         self.heat.iter_mut().for_each(|heat| state.real(heat));
         state.real(&mut self.anchor_work);
         state.real(&mut self.load_work);
+        state.real(&mut self.broken_energy);
     }
 
     /// The ledger of several systems together.
@@ -48,12 +52,14 @@ impl Ledger {
             heat: a.heat + b.heat,
             anchor_work: a.anchor_work + b.anchor_work,
             load_work: a.load_work + b.load_work,
+            broken_energy: a.broken_energy + b.broken_energy,
         })
     }
 
-    /// What is left of the change to `end` after heat and work: the gain (or,
+    /// What is left of the change to `end` after heat, work and what broke: the gain (or,
     /// if negative, the loss) of the method itself, in J.
     pub fn method_gain(&self, end: &Energy) -> f64 {
-        end.total() - self.start.total() + self.heat.sum() - self.anchor_work - self.load_work
+        let taken = self.heat.sum() - self.anchor_work - self.load_work + self.broken_energy;
+        end.total() - self.start.total() + taken
     }
 }

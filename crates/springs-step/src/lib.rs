@@ -55,6 +55,7 @@ pub use method::table::{Properties, ToleranceKind, methods, properties};
 pub use method::tr_bdf2::TrBdf2;
 pub use method::verlet_pairs::VerletPairs;
 pub use method::{ErrorEstimate, Interval, Method};
+pub use run::breaks::Break;
 pub use run::dense_output::interpolate;
 pub use run::islands::Islands;
 pub use run::members::{Members, Peak, Reaction};

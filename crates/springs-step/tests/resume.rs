@@ -7,7 +7,7 @@ use common::laws::with_mixed_laws;
 use common::{append, tangle};
 use nalgebra::Vector3;
 use springs_scene::generate::{Material, block, cloth};
-use springs_scene::{Method, Node, RunOptions, Scene, StepControl, Tangent};
+use springs_scene::{BreakLimit, Method, Node, RunOptions, Scene, SpringLaw, StepControl, Tangent};
 use springs_step::{Account, Frame, Islands, NodeStates, Observer, Outcome};
 use std::ops::ControlFlow;
 
@@ -88,6 +88,7 @@ fn check_with(scene: &Scene, options: &RunOptions, every: usize) -> u64 {
     assert_eq!(resumed.nodes(), islands.nodes(), "{what}");
     assert_eq!(resumed.energy(), islands.energy(), "{what}");
     assert_eq!(resumed.ledger(), islands.ledger(), "{what}");
+    assert_eq!(resumed.breaks(), islands.breaks(), "{what}");
     // A matrix that happens to equal the one before is made again after a stop.
     let [mut after, before] = [&resumed, &islands].map(|islands| islands.work().counts);
     let again = after.factorizations - before.factorizations;
@@ -139,6 +140,67 @@ fn springs_with_laws() {
     for method in [Method::Auto, Method::TrBdf2, Method::Dop853] {
         scene.settings.method = method;
         check(&scene, 3);
+    }
+}
+
+/// Some of which break on the way.
+#[test]
+fn springs_that_break() {
+    let brittle = |mut scene: Scene| {
+        for (k, spring) in scene.springs.iter_mut().enumerate().step_by(2) {
+            let more = k as f64 / 10.0;
+            spring.breaks_at = Some(match k % 4 {
+                0 => BreakLimit::Strain(0.4 + 0.1 * more),
+                _ => BreakLimit::Force(9.0 + more),
+            });
+        }
+        scene
+    };
+    let check = |scene: &Scene, every: usize| {
+        check(scene, every);
+        let mut islands = Islands::new(scene).unwrap();
+        islands.run(INTERVALS, &mut ()).unwrap();
+        let n_broken = islands.breaks().len();
+        let (name, method) = (&scene.name, scene.settings.method);
+        assert!(n_broken > 0, "{name}, {method}: {n_broken} broke");
+    };
+    for &method in Method::ALL {
+        let mut scene = brittle(undamped(9, 3));
+        scene.settings.method = method;
+        scene.settings.step = StepControl::Fixed(5e-3);
+        scene.settings.duration = 0.2433;
+        check(&scene, 3);
+    }
+    let mut scene = brittle(tangle(7, 5));
+    append(&mut scene, &brittle(tangle(6, 6)));
+    scene.settings.duration = 0.5;
+    for step in [StepControl::Fixed(4e-3), StepControl::Tolerance(1e-3)] {
+        scene.settings.step = step;
+        for method in [Method::Auto, Method::TrBdf2, Method::ImplicitEuler] {
+            scene.settings.method = method;
+            check(&scene, 3);
+        }
+    }
+}
+
+#[test]
+fn springs_that_yield() {
+    for &method in Method::ALL {
+        let mut scene = undamped(9, 3);
+        scene.laws = vec![SpringLaw::Plastic {
+            yields_at: 3.0,
+            hardening: 1.0,
+        }];
+        for spring in scene.springs.iter_mut().step_by(2) {
+            spring.law = Some(0);
+        }
+        scene.settings.method = method;
+        scene.settings.step = StepControl::Fixed(5e-3);
+        scene.settings.duration = 0.1433;
+        check(&scene, 3);
+        let mut islands = Islands::new(&scene).unwrap();
+        islands.run(INTERVALS, &mut ()).unwrap();
+        assert!(islands.ledger().broken_energy > 0.1, "{method}");
     }
 }
 

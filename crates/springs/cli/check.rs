@@ -72,6 +72,19 @@ pub(crate) fn check(arguments: &CheckArguments) -> anyhow::Result<Ending> {
     for line in materials::ranges(scene, &source.inputs, short) {
         writeln!(text, "    {line}")?;
     }
+    let can_break = scene.springs.iter();
+    let can_break = can_break.filter(|spring| spring.breaks_at.is_some());
+    let parts = islands.parts().iter();
+    // With those that are beyond their limits.
+    let broken = parts.map(|part| part.simulation().system().broken().len());
+    match (can_break.count(), broken.sum::<usize>()) {
+        (0, 0) => {}
+        (can_break, broken) => writeln!(
+            text,
+            "    {} can break, {broken} broken before the first step",
+            count(can_break, "spring")
+        )?,
+    }
     writeln!(
         text,
         "  {} kg free to move, {} m from corner to corner",

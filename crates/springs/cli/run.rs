@@ -399,6 +399,7 @@ impl Run {
         let mut scene = self.scene.clone();
         scene.shift_time(self.islands.time());
         self.islands.nodes().write_to(&mut scene);
+        self.islands.write_memory_to(&mut scene);
         scene
     }
 }

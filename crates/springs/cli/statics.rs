@@ -185,6 +185,14 @@ fn write_members(
 ) -> Result<(), WriteError> {
     let reactions = equilibrium.reactions.iter();
     let reactions: Vec<_> = reactions.map(|one| (one.node, one.force)).collect();
+    let springs = scene.springs.iter().enumerate();
+    let broken: Vec<usize> = springs
+        .clone()
+        .filter_map(|(index, spring)| spring.broken.then_some(index))
+        .collect();
+    let yielded: Vec<usize> = springs
+        .filter_map(|(index, spring)| (spring.yielded != 0.0).then_some(index))
+        .collect();
     let at_rest = vec![Vector3::zeros(); scene.nodes.len()];
     let frame = TrajectoryFrame {
         index: 0,
@@ -195,6 +203,8 @@ fn write_members(
             springs: &scene.springs,
             tensions: &equilibrium.tensions,
             reactions: &reactions,
+            broken: &broken,
+            yielded: &yielded,
         }),
     };
     let plan = RunPlan {

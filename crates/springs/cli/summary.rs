@@ -90,6 +90,13 @@ pub(crate) fn summary(scene: &Scene, report: &Report, folder: &Path, written: &[
     if energy.anchor_work != 0.0 {
         flows.push(format!("anchors gave {}", joule(energy.anchor_work)));
     }
+    if report.broken_springs > 0 {
+        let (springs, held) = (
+            count(report.broken_springs, "spring"),
+            joule(energy.broken_energy),
+        );
+        flows.push(format!("{springs} broke and took {held}"));
+    }
     let (verb, gain) = match energy.method_gain < 0.0 {
         true => ("lost", -energy.method_gain),
         false => ("gained", energy.method_gain),

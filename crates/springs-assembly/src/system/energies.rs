@@ -105,8 +105,12 @@ impl System {
         carried: Option<&[f64]>,
         visit: &mut dyn FnMut(usize, f64),
     ) {
+        let mut line = 0;
         self.each_with_its(carried, |emitter, carried| {
-            emitter.each_tension(x, carried, visit)
+            if line < Lines::OTHERS {
+                emitter.each_tension(x, carried, visit);
+            }
+            line += 1;
         });
     }
 

@@ -10,7 +10,7 @@ pub use series::remove_series;
 
 use crate::atomic::WriteError;
 use crate::growing::{ContinueError, part_name};
-use crate::members::{sign, strain};
+use crate::members::{states, strain};
 use crate::sink::{
     FrameMembers, Mark, ResumeSink, RunEnd, RunPlan, Sink, SinkKind, TrajectoryFrame,
 };
@@ -27,7 +27,8 @@ const FOLDER: &str = "frames/";
 const LINE: u8 = 3;
 
 /// The output `vtu`: points with `velocity` (m/s) and `displacement` from the start (m),
-/// lines with `tension` (N), `strain` and `state` (1 taut, −1 pushed, 0 slack).
+/// lines with `tension` (N), `strain` and `state` (1 taut, −1 pushed, 0 slack,
+/// 2 broken, 3 yielded).
 #[derive(Clone, Copy, Debug)]
 pub struct Vtu;
 
@@ -168,7 +169,7 @@ fn grid(
         // No number where there is no rest length.
         strain(spring, frame.length_of(spring)).unwrap_or(f64::NAN)
     });
-    let states = tensions.iter().map(|&tension| sign(tension).to_le_bytes());
+    let states = states(members).map(|state| state.number().to_le_bytes());
     let mut appended = Appended::default();
     let text = [
         "<?xml version=\"1.0\"?>\n\

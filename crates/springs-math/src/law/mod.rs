@@ -12,6 +12,7 @@
 //! | [`StrainLimit`] | K s + E (r(s − e) − r(−s − e)) | third |
 //! | [`Polynomial`] | a₁ε + a₂ε² + … | any order |
 //! | [`Power`] | K l₀ sign(ε)\|ε\|ᵖ | ⌈p⌉-th; any if p is odd |
+//! | [`Plastic`] | K(s − p), where p lasts | first |
 //! | [`Table`] | monotone cubics through points (ε, T) | second |
 //!
 //! Without a blend V has a continuous first derivative only. Where it has m of them at
@@ -29,6 +30,8 @@
 //! r′ is at most 189/125, at u = 3/5. So laws with a ramp are exact on both sides of
 //! it, vanish at l₀ exactly, and are up to 1.512 times as stiff within.
 //!
+//! Any of them ends beyond a [`Limit`] in [`Breaking`].
+//!
 //! ```
 //! use springs_math::law::TensionOnly;
 //! use springs_math::spring::LengthLaw;
@@ -39,10 +42,14 @@
 //! ```
 
 mod blends;
+mod breaking;
+mod plastic;
 mod powers;
 mod table;
 
 pub use blends::{Bilinear, CompressionOnly, StrainLimit, TensionOnly};
+pub use breaking::{Breaking, Limit};
+pub use plastic::Plastic;
 pub use powers::{Polynomial, Power};
 pub use table::{Point, Table, TableError};
 
@@ -68,6 +75,8 @@ pub enum Law {
     Power(Power),
     /// A curve through points.
     Table(Table),
+    /// Yields.
+    Plastic(Plastic),
 }
 
 macro_rules! each_law {
@@ -81,6 +90,7 @@ macro_rules! each_law {
             Law::Polynomial($inner) => $result,
             Law::Power($inner) => $result,
             Law::Table($inner) => $result,
+            Law::Plastic($inner) => $result,
         }
     };
 }
@@ -114,5 +124,21 @@ impl LengthLaw for Law {
     #[inline]
     fn is_convex(&self) -> bool {
         each_law!(self, law => law.is_convex())
+    }
+
+    fn has_memory(&self) -> bool {
+        each_law!(self, law => law.has_memory())
+    }
+
+    fn update_memory(&mut self, length: f64, known: Option<f64>) -> f64 {
+        each_law!(self, law => law.update_memory(length, known))
+    }
+
+    fn elongation(&self) -> f64 {
+        each_law!(self, law => law.elongation())
+    }
+
+    fn visit_memory(&mut self, visit: &mut dyn FnMut(&mut f64)) {
+        each_law!(self, law => law.visit_memory(visit))
     }
 }

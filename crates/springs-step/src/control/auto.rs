@@ -82,6 +82,10 @@ const SHARE: f64 = 0.1;
 /// Trial runs with equal steps may cost this part of the whole run; they have at
 /// least so many steps, and if they are begun may have so many.
 const TRIAL_RUNS: f64 = 0.5;
+/// Trial runs are not made beside an explicit method, if methods with a matrix that
+/// change their steps cost so many times as much: a step of filtered leapfrog takes one
+/// solution, a step of TR-BDF2 four or so, of about the same size.
+const FAR: f64 = 6.0;
 const FEWEST_TRIAL_STEPS: f64 = 24.0;
 const USUAL_TRIAL_STEPS: f64 = 120.0;
 /// However dear the alternative seems, nobody waits for more.
@@ -226,9 +230,10 @@ impl Auto {
         mut controller: Controller,
         trials: &mut Trials<'_>,
     ) -> Result<Settled, Unsettled> {
-        let picked = self.begin(compiled, &controller, trials)?;
+        let (picked, with_matrix) = self.begin(compiled, &controller, trials)?;
+        let choice = &picked.choice;
         if let Some(settled) =
-            self.equal_steps_if_cheaper(compiled, &controller, &picked.choice, trials)?
+            self.equal_steps_if_cheaper(compiled, &controller, (choice, with_matrix), trials)?
         {
             return Ok(settled);
         }
@@ -246,18 +251,26 @@ impl Auto {
     }
 
     /// Finds out by trial runs whether filtered leapfrog is cheaper than the
-    /// method picked so far.
+    /// method picked so far, unless that is explicit and the price `with_matrix` of
+    /// methods that were tried, in ns/s, is far above it.
     fn equal_steps_if_cheaper(
         &mut self,
         (system, anchors): (&System, &Anchors),
         controller: &Controller,
-        picked: &Choice,
+        (picked, with_matrix): (&Choice, f64),
         trials: &mut Trials<'_>,
     ) -> Result<Option<Settled>, Abandoned> {
+        // Nothing breaks in trial runs, and equal steps do not end where it does.
+        if system.has_memory() {
+            return Ok(None);
+        }
         let (duration, tolerance) = (controller.left(), controller.tolerance());
         let to_beat = self.price * duration;
         // Explicit steps keep what they promise: stability bounds them.
         let is_explicit = self.candidates[self.current].is_explicit();
+        if is_explicit && with_matrix > FAR * self.price {
+            return Ok(None);
+        }
         let from_rest = if is_explicit { 1.0 } else { FROM_REST };
         let (budget, fewest) = (TRIAL_RUNS * from_rest * to_beat, FEWEST_TRIAL_STEPS);
         // What cannot be built is no choice.
@@ -299,13 +312,14 @@ impl Auto {
         }))
     }
 
-    /// The method to begin with among those with error control.
+    /// The method to begin with among those with error control, and the least price of
+    /// one with a matrix, in ns/s; infinite if none was worth trying.
     fn begin(
         &mut self,
         compiled: (&System, &Anchors),
         controller: &Controller,
         trials: &mut Trials<'_>,
-    ) -> Result<Picked, Unsettled> {
+    ) -> Result<(Picked, f64), Unsettled> {
         let system = compiled.0;
         let state = &State::initial(system);
         let built = self.ensure_built(system, 0);
@@ -316,10 +330,17 @@ impl Auto {
             controller,
         };
         let (mut best, mut cost) = self.try_out_from_rest(task, 0, trials)?;
+        let mut with_matrix = f64::INFINITY;
+        if !self.candidates[0].is_explicit() {
+            with_matrix = best.price;
+        }
         for index in 1..self.candidates.len() {
             if self.is_worth_trying(system, controller, index, best.price) {
                 let (tried, took) = self.try_out_from_rest(task, index, trials)?;
                 cost += took;
+                if !self.candidates[index].is_explicit() {
+                    with_matrix = with_matrix.min(tried.price);
+                }
                 if tried.price < best.price {
                     (best, self.current) = (tried, index);
                 }
@@ -333,7 +354,7 @@ impl Auto {
             1e-9 * best.price,
             best.step_size
         );
-        Ok(self.hand_over(best, reason))
+        Ok((self.hand_over(best, reason), with_matrix))
     }
 
     /// Takes note of a step of size `h` that did `counts`.

@@ -66,9 +66,19 @@ impl Controller {
         self.last_ratio = 1.0;
     }
 
+    /// What the last step said of the next one does not hold: something broke.
+    pub(crate) fn begin_anew(&mut self) {
+        self.last_ratio = 1.0;
+    }
+
     /// The error allowed at the end, in m.
     pub(crate) fn tolerance(&self) -> f64 {
         self.allowed_rate * self.duration
+    }
+
+    /// Of all steps together, in s.
+    pub(crate) fn duration(&self) -> f64 {
+        self.duration
     }
 
     /// Time that is left, in s.

@@ -25,6 +25,11 @@ impl Tensions {
         self.are_known = false;
     }
 
+    /// Springs broke at the start of the next step.
+    pub(crate) fn clear_broken(&mut self, system: &System) {
+        system.clear_broken(&mut self.start);
+    }
+
     pub(crate) fn visit(&mut self, state: &mut HiddenState) {
         state.flag(&mut self.are_known);
         state.reals(&mut self.start);

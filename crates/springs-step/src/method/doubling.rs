@@ -58,6 +58,11 @@ impl Method for Doubling {
         self.weighing.restart();
     }
 
+    fn springs_broke(&mut self, system: &System) {
+        self.method.springs_broke(system);
+        self.weighing.restart();
+    }
+
     fn step(
         &mut self,
         system: &System,

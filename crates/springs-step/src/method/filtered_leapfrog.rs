@@ -36,6 +36,8 @@ pub struct FilteredLeapfrog {
     next_tensions: Vec<f64>,
     /// Step size of the filter of the accelerations; zero before the start.
     filtered_for: f64,
+    /// Springs broke since the accelerations were computed.
+    is_stale: bool,
     /// Power, in W, of anchors against the filtered forces of springs.
     anchor_power: f64,
     next_anchor_power: f64,
@@ -65,6 +67,7 @@ impl FilteredLeapfrog {
             tensions: vec![0.0; system.n_carried()],
             next_tensions: vec![0.0; system.n_carried()],
             filtered_for: 0.0,
+            is_stale: false,
             anchor_power: 0.0,
             next_anchor_power: 0.0,
             impulses: Impulses::new(system),
@@ -142,6 +145,11 @@ impl Method for FilteredLeapfrog {
         self.filtered_for = 0.0;
     }
 
+    fn springs_broke(&mut self, system: &System) {
+        system.clear_broken(&mut self.tensions);
+        self.is_stale = true;
+    }
+
     fn step(
         &mut self,
         system: &System,
@@ -160,7 +168,12 @@ impl Method for FilteredLeapfrog {
             self.accelerate(system, state, h, (interval.start, 0.0), work)?;
             self.accept();
             self.filtered_for = h;
+        } else if self.is_stale {
+            self.next_tensions.copy_from_slice(&self.tensions);
+            self.accelerate(system, state, h, (interval.start, 0.0), work)?;
+            self.accept();
         }
+        self.is_stale = false;
         self.next_tensions.copy_from_slice(&self.tensions);
         self.impulses.begin(system, &state.v);
         self.impulses.add_loads(system, 0.5 * h, interval.start);
@@ -194,6 +207,7 @@ impl Method for FilteredLeapfrog {
             start.visit(state);
         }
         state.real(&mut self.filtered_for);
+        state.flag(&mut self.is_stale);
         state.real(&mut self.anchor_power);
         state.vectors(&mut self.accelerations);
         state.reals(&mut self.tensions);

@@ -63,6 +63,10 @@ impl Method for ImplicitEuler {
         self.tensions.forget();
     }
 
+    fn springs_broke(&mut self, system: &System) {
+        self.tensions.clear_broken(system);
+    }
+
     fn step(
         &mut self,
         system: &System,

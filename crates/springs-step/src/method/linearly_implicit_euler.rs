@@ -173,6 +173,12 @@ impl Method for LinearlyImplicitEuler {
         self.tensions_are_known = false;
     }
 
+    fn springs_broke(&mut self, system: &System) {
+        if !self.tensions.is_empty() {
+            system.clear_broken(&mut self.tensions);
+        }
+    }
+
     /// Section 2.1 of the note between collecting the nodes and copying back.
     fn step(
         &mut self,

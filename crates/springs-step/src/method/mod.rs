@@ -86,6 +86,12 @@ pub trait Method: Send {
     /// velocities alone.
     fn restart(&mut self);
 
+    /// Springs broke at the end of the last step that stands: forces there are stale, and
+    /// what is carried of broken springs is [zero](System::clear_broken).
+    fn springs_broke(&mut self, _system: &System) {
+        self.restart();
+    }
+
     /// Advances the free blocks of `state` over `interval`, puts the fixed ones
     /// where `anchors` has them at its end, and adds what it did to `work`.
     /// `state.time` is the caller's.

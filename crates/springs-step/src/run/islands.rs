@@ -1,15 +1,17 @@
 //! Parts of a scene that do not feel each other, each on its own way.
 
+mod results;
+
 use crate::control::choose::refuse_unsettled;
 use crate::run::frames::{Frames, Shown};
-use crate::run::members::{Gathered, Supported};
+use crate::run::members::Supported;
 use crate::run::observer::{either, offer};
 use crate::run::part::{Part, cut};
 use crate::run::simulation::Pause;
 use crate::threads::threads;
 use crate::{
-    Account, Cause, ForeignState, HiddenState, Ledger, Members, NodeStates, Observer, Outcome,
-    Patience, Peak, SetupError, StepError, Work,
+    Account, Cause, ForeignState, HiddenState, Ledger, NodeStates, Observer, Outcome, Patience,
+    SetupError, StepError, Work,
 };
 use springs_assembly::{CompileError, Energy};
 use springs_scene::{RunOptions, Scene};
@@ -422,35 +424,6 @@ impl Islands {
     pub fn steps(&self) -> u64 {
         let steps = |part: &Part| part.simulation.stepper().steps();
         self.parts.iter().map(steps).max().unwrap_or(0)
-    }
-
-    /// What springs and supports carry now, if the observer wants it.
-    fn members_for(&self, observer: &dyn Observer) -> Option<Members> {
-        observer.wants_members().then(|| {
-            let mut gathered = Gathered::new(self.n_springs);
-            for part in &self.parts {
-                let members = part.simulation.members_at(self.time, &part.state);
-                gathered.add(members, &part.island.nodes, &part.island.springs);
-            }
-            let mut members = gathered.finish();
-            self.supported.add_to(self.time, &mut members.reactions);
-            members
-        })
-    }
-
-    /// The largest and the least tension of each spring at the ends of steps, where an
-    /// observer [wanted](Observer::wants_members) members; else nothing.
-    pub fn peaks(&self) -> Vec<Peak> {
-        let of_parts = self.parts.iter().map(|part| part.simulation.peaks());
-        if of_parts.map(<[Peak]>::len).sum::<usize>() < self.n_springs {
-            return Vec::new();
-        }
-        let mut peaks = vec![Peak::at(0.0, 0.0); self.n_springs];
-        for part in &self.parts {
-            let of_part = part.island.springs.iter().zip(part.simulation.peaks());
-            of_part.for_each(|(&spring, peak)| peaks[spring] = *peak);
-        }
-        peaks
     }
 
     /// Its energies now.

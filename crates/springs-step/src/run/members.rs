@@ -13,6 +13,10 @@ pub struct Members {
     pub tensions: Vec<f64>,
     /// The force of each support, in the order of the nodes.
     pub reactions: Vec<Reaction>,
+    /// The springs that are broken, ascending.
+    pub broken: Vec<usize>,
+    /// The springs that have yielded, ascending.
+    pub yielded: Vec<usize>,
 }
 
 /// The force of a support on its node.
@@ -154,6 +158,15 @@ impl Track {
         });
     }
 
+    /// Springs broke at the end of the last step, where the state is.
+    pub(crate) fn clear_broken(&mut self, system: &System, state: &State) {
+        system.clear_broken(&mut self.end);
+        let (peaks, time) = (&mut self.peaks, state.time);
+        for spring in system.broken() {
+            peaks[spring].take(time, 0.0);
+        }
+    }
+
     /// At a fraction of the last step, where the nodes are as in `state`; without the
     /// weight of fixed nodes.
     pub(crate) fn members(&self, system: &System, fraction: f64, state: &State) -> Members {
@@ -179,6 +192,8 @@ impl Track {
         Members {
             tensions,
             reactions,
+            broken: system.broken(),
+            yielded: system.yielded().iter().map(|(spring, _)| *spring).collect(),
         }
     }
 
@@ -225,6 +240,8 @@ impl Gathered {
             members: Members {
                 tensions: vec![0.0; n_springs],
                 reactions: Vec::new(),
+                broken: Vec::new(),
+                yielded: Vec::new(),
             },
         }
     }
@@ -235,6 +252,9 @@ impl Gathered {
         for (k, &spring) in springs.iter().enumerate() {
             all.tensions[spring] = part.tensions[k];
         }
+        let in_scene = |&spring: &usize| springs[spring];
+        all.broken.extend(part.broken.iter().map(in_scene));
+        all.yielded.extend(part.yielded.iter().map(in_scene));
         all.reactions
             .extend(part.reactions.iter().map(|reaction| Reaction {
                 node: nodes[reaction.node],
@@ -245,6 +265,8 @@ impl Gathered {
     /// Nodes that hold several parts have one reaction.
     pub(crate) fn finish(self) -> Members {
         let mut members = self.members;
+        members.broken.sort_unstable();
+        members.yielded.sort_unstable();
         members.reactions.sort_by_key(|reaction| reaction.node);
         members.reactions.dedup_by(|next, kept| {
             let is_same = next.node == kept.node;

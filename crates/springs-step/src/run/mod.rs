@@ -1,5 +1,6 @@
 //! The way through a duration: steps, frames, parts, sleep.
 
+pub(crate) mod breaks;
 pub(crate) mod dense_output;
 pub(crate) mod frames;
 pub(crate) mod islands;

@@ -2,6 +2,7 @@
 
 mod accounts;
 mod archive;
+mod breaks;
 mod events;
 mod members;
 mod steps;
@@ -9,9 +10,11 @@ mod substeps;
 mod trials;
 mod watch;
 
+use self::breaks::Ahead;
 use crate::control::auto::{Auto, Picked};
 use crate::control::choose::{Start, start};
 use crate::control::controller::Schedule;
+use crate::run::breaks::Break;
 use crate::run::dense_output::Between;
 use crate::run::frames::{AT_THE_END, Frames, Shown};
 use crate::run::members::{Supported, Track};
@@ -77,6 +80,11 @@ pub struct Simulation {
     supported: Supported,
     /// Tensions and their peaks, where somebody wants them.
     track: Option<Track>,
+    /// Whether it is still to be found out what breaks at the end of the last step.
+    is_end_open: bool,
+    breaks: Vec<Break>,
+    /// Something is known to break soon.
+    ahead: Option<Ahead>,
     /// Room for what a step may have to take back.
     words: Vec<u64>,
 }
@@ -219,6 +227,9 @@ impl Simulation {
             n_springs: scene.springs.len(),
             supported: Supported::of(scene),
             track: None,
+            is_end_open: false,
+            breaks: Vec::new(),
+            ahead: None,
             words: Vec::new(),
         })
     }
@@ -383,6 +394,7 @@ impl Simulation {
             self.stepper.scatter(&mut self.nodes);
             let wants_members = observer.wants_members();
             let stops = if fraction >= 1.0 - AT_THE_END {
+                self.end_step();
                 let members =
                     wants_members.then(|| self.members(Some(interval), time, &self.nodes));
                 let shown = frames.show(time, &self.nodes, members, observer);
@@ -404,6 +416,7 @@ impl Simulation {
                 return Ok(stops);
             }
         }
+        self.end_step();
         self.is_told = true;
         let offered = offer(observer, || self.account(interval.end));
         Ok(either(
@@ -443,7 +456,10 @@ impl Simulation {
             Some(interval) if time < interval.end - AT_THE_END * interval.size => {
                 self.evaluate(interval, time, out)?;
             }
-            _ => out.clone_from(&self.nodes),
+            _ => {
+                self.end_step();
+                out.clone_from(&self.nodes);
+            }
         }
         Ok(true)
     }
@@ -466,6 +482,7 @@ impl Simulation {
             return Err(self.stepper.error(Cause::Interrupted, 0, nothing));
         }
         if self.is_finished() {
+            self.end_step();
             return Ok(None);
         }
         let interval = self.advance()?;

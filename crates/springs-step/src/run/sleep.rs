@@ -49,9 +49,9 @@ impl Rest {
     /// energy E = ½ fᵀH⁻¹f + ½ vᵀM v reaches in the softest direction, √(2E/λ),
     /// to first order. `None` where fixed nodes move, loads change, or H, in the plane or along
     /// the line that the motion stays in, is not positive definite, so that motion
-    /// need not end.
+    /// need not end, or where springs may break.
     pub(crate) fn reach(&mut self, system: &System, state: &State) -> Option<f64> {
-        if system.any_anchor_moves(&state.v) || system.has_loads() {
+        if system.any_anchor_moves(&state.v) || system.has_loads() || system.has_memory() {
             return None;
         }
         let at = Evaluation {

@@ -6,7 +6,7 @@ use crate::{
     Anchors, Cause, ErrorEstimate, Flows, HiddenState, Interval, Method, NodeStates, SetupError,
     State, StepError, Suspect, Work,
 };
-use springs_assembly::{Compilation, System, compile_with};
+use springs_assembly::{Compilation, MemoryUpdate, System, compile_with};
 use springs_scene::{self as scene, RunOptions, Scene, StepControl};
 use springs_solver::Interrupt;
 
@@ -92,7 +92,7 @@ impl Stepper {
     /// of it between steps.
     pub fn with_method(system: System, method: Box<dyn Method>) -> Self {
         let state = State::initial(&system);
-        Self {
+        let mut stepper = Self {
             anchors: Anchors::new(&system, &state),
             clock: Clock {
                 since: 0.0,
@@ -106,7 +106,12 @@ impl Stepper {
             method,
             before: state.clone(),
             state,
+        };
+        // What breaks is judged by the tensions of the method.
+        if stepper.system.has_memory() {
+            stepper.keep_tensions();
         }
+        stepper
     }
 
     /// Time since the start, in s.
@@ -186,6 +191,7 @@ impl Stepper {
         let mut work = Work::default();
         self.gather(nodes);
         self.step_until(clock.time(), h, &mut work)?;
+        self.update_memory();
         self.clock = clock;
         self.scatter(nodes);
         Ok(work)
@@ -206,6 +212,26 @@ impl Stepper {
         self.attempt(interval, work)?;
         self.accept(interval, work);
         Ok(())
+    }
+
+    /// What is beyond its limit at the end of a step breaks; `None` where nothing can.
+    pub(crate) fn update_memory(&mut self) -> Option<MemoryUpdate> {
+        if !self.system.has_memory() {
+            return None;
+        }
+        let carried = self.method.tensions();
+        let update = self.system.update_memory(&self.state.x, carried);
+        if update.is_abrupt {
+            self.method.springs_broke(&self.system);
+        }
+        Some(update)
+    }
+
+    /// What lasts of where the system has been.
+    pub(crate) fn visit_memory(&mut self, state: &mut HiddenState) {
+        if self.system.has_memory() {
+            self.system.visit_memory(&mut |real| state.real(real));
+        }
     }
 
     /// Makes a step that is not yet accepted. If it fails, everything is as it

@@ -1,6 +1,7 @@
 //! Steps that stand, and what is taken back of those that do not.
 
 use super::Simulation;
+use super::breaks::Ahead;
 use crate::control::controller::{Controller, Schedule, Verdict};
 use crate::{Cause, Counts, Flows, HiddenState, Interval, Ledger, StepError, StepPlan, Work};
 
@@ -13,6 +14,7 @@ struct Bookmark {
     ledgers: [Ledger; 2],
     last_flows: Flows,
     most_energy: f64,
+    ahead: Option<Ahead>,
 }
 
 /// Steps shorter than this part of the duration lead nowhere.
@@ -24,6 +26,7 @@ impl Simulation {
         if self.interrupt.is_requested() {
             return Err(self.interrupted());
         }
+        self.end_step();
         self.review_method()?;
         let bookmark = self.bookmark();
         let made = match self.schedule {
@@ -42,6 +45,7 @@ impl Simulation {
         let interval = made?;
         self.last = Some(interval);
         self.is_told = false;
+        self.is_end_open = self.system().has_memory();
         Ok(interval)
     }
 
@@ -74,6 +78,7 @@ impl Simulation {
             ledgers: [self.ledger, self.ledger_before],
             last_flows: self.last_flows,
             most_energy: self.most_energy,
+            ahead: self.ahead,
         })
     }
 
@@ -89,6 +94,7 @@ impl Simulation {
         [self.ledger, self.ledger_before] = bookmark.ledgers;
         self.last_flows = bookmark.last_flows;
         self.most_energy = bookmark.most_energy;
+        self.ahead = bookmark.ahead;
         state.into_words()
     }
 
@@ -149,7 +155,8 @@ impl Simulation {
         let counts = self.work.counts;
         let start = self.stepper.time();
         let interval = loop {
-            let interval = next_interval(start, self.duration, controller.step_size());
+            let size = Ahead::limit(self.ahead, start, controller.step_size());
+            let interval = next_interval(start, self.duration, size);
             let attempt = self.stepper.attempt(interval, &mut self.work);
             let too_small = interval.size < SMALLEST_STEP * self.duration
                 || interval.start + 0.1 * interval.size == interval.start;
@@ -172,8 +179,16 @@ impl Simulation {
                         self.stepper.reject();
                         return Err(self.stepper.error(Cause::Interrupted, 0, interval));
                     }
+                    let before = *controller;
                     match controller.judge(interval.size, estimate) {
-                        Verdict::Accept if !too_small => break interval,
+                        Verdict::Accept if !too_small => {
+                            let Some(ahead) = Ahead::of(&self.stepper, &before, interval) else {
+                                break interval;
+                            };
+                            *controller = before;
+                            self.ahead = Some(ahead);
+                            self.stepper.reject();
+                        }
                         _ if too_small => {
                             self.stepper.reject();
                             let cause = Cause::StepTooSmall;

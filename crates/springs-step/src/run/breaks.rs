@@ -1,0 +1,25 @@
+//! Springs that broke.
+
+use crate::HiddenState;
+
+/// A spring that broke during a run.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct Break {
+    /// When: the end of a step, in s.
+    pub time: f64,
+    /// Its index in the scene.
+    pub spring: usize,
+    /// What it held, in J.
+    pub energy: f64,
+}
+
+impl Break {
+    pub(crate) fn visit(&mut self, state: &mut HiddenState) {
+        let mut spring = self.spring as u64;
+        state.real(&mut self.time);
+        state.word(&mut spring);
+        state.real(&mut self.energy);
+        self.spring = spring as usize;
+    }
+}
