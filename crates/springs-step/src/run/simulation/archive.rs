@@ -3,13 +3,34 @@
 use super::{Simulation, Switch};
 use crate::control::auto::Settled;
 use crate::control::controller::Schedule;
-use crate::{Choice, HiddenState, StepPlan};
+use crate::{Choice, ForeignState, HiddenState, StepPlan};
 use springs_scene::Method;
 
 /// More than trial runs ever settle.
 const MOST_EQUAL_STEPS: u64 = 1 << 30;
 
 impl Simulation {
+    /// Everything that the run has come to, as words that mean something to
+    /// [`Self::restore`] only.
+    pub fn save(&mut self) -> Vec<u64> {
+        let mut state = HiddenState::saving();
+        self.visit(&mut state);
+        state.into_words()
+    }
+
+    /// Goes on where another run of the same scene was when it was saved; from
+    /// there on it gives the same bits.
+    ///
+    /// # Errors
+    ///
+    /// If the words do not come from a run of this scene; this one is of no use
+    /// any more then.
+    pub fn restore(&mut self, words: Vec<u64>) -> Result<(), ForeignState> {
+        let mut state = HiddenState::loading(words);
+        self.visit(&mut state);
+        state.finish()
+    }
+
     /// Hands over everything that the run has come to; the scene and what
     /// follows from it alone are not among it.
     pub(crate) fn visit(&mut self, state: &mut HiddenState) {
