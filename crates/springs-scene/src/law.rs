@@ -135,7 +135,7 @@ impl LawFault {
 
 impl SpringLaw {
     /// The strain that stiffnesses are blended within where nothing else is said.
-    pub const BLEND: f64 = 1e-6;
+    pub const BLEND: f64 = 1e-3;
 
     /// Its name in scene files.
     pub fn name(&self) -> &'static str {
