@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{Random, append, tangle, with};
+use common::{METHODS, Random, append, tangle, with};
 use nalgebra::Vector3;
 use springs::assembly::{SpringBetween, Springs};
 use springs::io::{parse_scene, scene_to_string};
@@ -10,19 +10,6 @@ use springs::math::law::{Breaking, Limit};
 use springs::scene::{BreakLimit, Method, Node, RunOptions, Scene, StepControl};
 use springs::step::{Account, Break, Frame, Islands, Members, Observer, Simulation};
 use std::ops::ControlFlow;
-
-const METHODS: [Method; 10] = [
-    Method::LinearlyImplicitEuler,
-    Method::ImplicitEuler,
-    Method::TrBdf2,
-    Method::ImplicitMidpoint,
-    Method::FilteredLeapfrog,
-    Method::Rodas4,
-    Method::VelocityVerlet,
-    Method::BlanesMoan4,
-    Method::BlanesMoan6,
-    Method::Dop853,
-];
 
 /// Members and energies at each frame.
 #[derive(Default)]

@@ -158,15 +158,15 @@ fn spring(n_nodes: usize) -> impl Strategy<Value = Spring> {
     // Two different nodes.
     (0..n_nodes, 1..n_nodes, numbers).prop_map(
         move |(first, further, (stiffness, rest_length, mass, damping, breaks_at))| Spring {
-            nodes: [first, (first + further) % n_nodes],
-            stiffness: 10.0 * stiffness,
-            rest_length,
             mass,
             damping,
-            law: None,
             breaks_at,
-            broken: false,
-            yielded: 0.0,
+            ..Spring::between(
+                first,
+                (first + further) % n_nodes,
+                10.0 * stiffness,
+                rest_length,
+            )
         },
     )
 }

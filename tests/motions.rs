@@ -2,25 +2,12 @@
 
 mod common;
 
-use common::{after, desk::Desk, distance, solved, with};
+use common::{METHODS, after, desk::Desk, distance, solved, with};
 use nalgebra::Vector3;
 use springs::scene::{Method, NamedMotion, Node, PrescribedMotion, Scene, StepControl};
 use springs::step::{Frame, Observer, Simulation, properties};
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
-
-const METHODS: [Method; 10] = [
-    Method::LinearlyImplicitEuler,
-    Method::ImplicitEuler,
-    Method::TrBdf2,
-    Method::ImplicitMidpoint,
-    Method::FilteredLeapfrog,
-    Method::Rodas4,
-    Method::VelocityVerlet,
-    Method::BlanesMoan4,
-    Method::BlanesMoan6,
-    Method::Dop853,
-];
 
 const MASS: f64 = 0.5;
 const STIFFNESS: f64 = 80.0;

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::with;
+use common::{METHODS, with};
 use nalgebra::Vector3;
 use springs::io::{parse_scene, scene_to_string};
 use springs::scene::{
@@ -10,19 +10,6 @@ use springs::scene::{
 };
 use springs::step::{Frame, Islands, Members, Observer};
 use std::ops::ControlFlow;
-
-const METHODS: [Method; 10] = [
-    Method::LinearlyImplicitEuler,
-    Method::ImplicitEuler,
-    Method::TrBdf2,
-    Method::ImplicitMidpoint,
-    Method::FilteredLeapfrog,
-    Method::Rodas4,
-    Method::VelocityVerlet,
-    Method::BlanesMoan4,
-    Method::BlanesMoan6,
-    Method::Dop853,
-];
 
 #[derive(Default)]
 struct Look(Vec<Members>);

@@ -14,20 +14,19 @@ pub struct Prescribed {
 impl Prescribed {
     /// Those of a scene that any fixed node follows.
     pub(crate) fn of_scene(scene: &Scene, numbering: &Numbering) -> Arc<[Self]> {
-        let motions = scene.motions.iter().enumerate();
-        let followed = motions.map(|(index, motion)| {
-            let nodes = scene.nodes.iter().enumerate();
-            let followers = nodes.filter(|(_, node)| node.motion == Some(index));
-            Self {
-                motion: motion.motion.clone(),
-                blocks: followers
-                    .map(|(node, _)| numbering.block(node) as u32)
-                    .collect(),
+        let mut blocks = vec![Vec::new(); scene.motions.len()];
+        for (node, motion) in scene.nodes.iter().map(|node| node.motion).enumerate() {
+            if let Some(motion) = motion {
+                blocks[motion].push(numbering.block(node) as u32);
             }
+        }
+        let motions = scene.motions.iter().zip(blocks);
+        let followed = motions.filter(|(_, blocks)| !blocks.is_empty());
+        let prescribed = followed.map(|(motion, blocks)| Self {
+            motion: motion.motion.clone(),
+            blocks,
         });
-        followed
-            .filter(|prescribed| !prescribed.blocks.is_empty())
-            .collect()
+        prescribed.collect()
     }
 
     /// What it is at a time in s.

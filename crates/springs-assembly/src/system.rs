@@ -36,6 +36,14 @@ pub struct System {
     initial_velocities: Vec<Vector3<f64>>,
 }
 
+/// The part of the next emitter, which is no longer among the rest of what a method
+/// carried.
+fn its_part<'c>(rest: &mut Option<&'c [f64]>, emitter: &dyn Emitter) -> Option<&'c [f64]> {
+    let (mine, others) = (*rest)?.split_at(emitter.n_carried());
+    *rest = Some(others);
+    Some(mine)
+}
+
 /// What the emitters of a system couple.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Couplings {
@@ -371,27 +379,20 @@ impl System {
         at: &Evaluation<'a>,
         mut act: impl FnMut(usize, &dyn Emitter, &Evaluation<'a>),
     ) {
-        let mut line = 0;
-        self.each_with_its(at.carried, |emitter, carried| {
+        self.each_with_its(at.carried, |line, emitter, carried| {
             act(line, emitter, &Evaluation { carried, ..*at });
-            line += 1;
         });
     }
 
-    /// Every emitter with its part of what a method carried.
+    /// The line of every emitter, the emitter, and its part of what a method carried.
     fn each_with_its<'c>(
         &self,
         carried: Option<&'c [f64]>,
-        mut act: impl FnMut(&dyn Emitter, Option<&'c [f64]>),
+        mut act: impl FnMut(usize, &dyn Emitter, Option<&'c [f64]>),
     ) {
         let mut rest = carried;
-        for emitter in self.emitters() {
-            let mine = rest.map(|all| {
-                let (mine, others) = all.split_at(emitter.n_carried());
-                rest = Some(others);
-                mine
-            });
-            act(emitter, mine);
+        for (line, emitter) in self.emitters().enumerate() {
+            act(line, emitter, its_part(&mut rest, emitter));
         }
     }
 

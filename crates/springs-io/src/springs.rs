@@ -255,16 +255,12 @@ impl SpringReader<'_> {
             // Validation says so.
             _ => None,
         };
+        let ([first, second], stiffness) = (entry.nodes, entry.stiffness.unwrap_or(0.0));
+        let rest_length = entry.rest_length.or(length).unwrap_or(0.0);
         let mut spring = Spring {
-            nodes: entry.nodes,
-            stiffness: entry.stiffness.unwrap_or(0.0),
-            rest_length: entry.rest_length.or(length).unwrap_or(0.0),
             mass: entry.mass.unwrap_or(0.0),
             damping: entry.damping.unwrap_or(0.0),
-            law: None,
-            breaks_at: None,
-            broken: false,
-            yielded: 0.0,
+            ..Spring::between(first, second, stiffness, rest_length)
         };
         if let Some(more) = &entry.more {
             self.resolve(index, entry, more, length, &mut spring);

@@ -116,19 +116,14 @@ pub(crate) fn make(scene: &Scene, ij: &Bound<'_, PyAny>, given: &Given<'_, '_>) 
             return Err(fault.at_spring(index).into());
         }
         let of = |numbers: &Numbers| numbers.as_ref().map_or(0.0, |numbers| numbers[k]);
+        let ([first, second], stiffness) = (nodes, axial.stiffness(rest_length));
         springs.push(Spring {
-            nodes,
-            stiffness: axial.stiffness(rest_length),
-            rest_length,
             mass: match &mass_per_length {
                 Some(mass) => mass[k] * rest_length,
                 None => of(&mass),
             },
             damping: of(&damping),
-            law: None,
-            breaks_at: None,
-            broken: false,
-            yielded: 0.0,
+            ..Spring::between(first, second, stiffness, rest_length)
         });
     }
     let ratios = damping_ratio.unwrap_or_default().into_iter().enumerate();

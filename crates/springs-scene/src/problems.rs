@@ -392,15 +392,8 @@ mod tests {
         });
         scene.add_node(Node::at(Vector3::y()));
         let spring = Spring {
-            nodes: [0, 7],
-            stiffness: -2.0,
-            rest_length: -0.5,
-            mass: 0.0,
             damping: f64::NAN,
-            law: None,
-            breaks_at: None,
-            broken: false,
-            yielded: 0.0,
+            ..Spring::between(0, 7, -2.0, -0.5)
         };
         scene.springs.push(spring);
         scene.springs.push(Spring {

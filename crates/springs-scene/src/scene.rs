@@ -147,6 +147,22 @@ impl BreakLimit {
 }
 
 impl Spring {
+    /// A linear spring between two nodes of a scene that has no mass and no damping and
+    /// does not break, with K in N/m and l₀ in m.
+    pub fn between(first: usize, second: usize, stiffness: f64, rest_length: f64) -> Self {
+        Self {
+            nodes: [first, second],
+            stiffness,
+            rest_length,
+            mass: 0.0,
+            damping: 0.0,
+            law: None,
+            breaks_at: None,
+            broken: false,
+            yielded: 0.0,
+        }
+    }
+
     /// Whether it has a force of its length.
     pub fn is_elastic(&self) -> bool {
         !self.broken && (self.stiffness > 0.0 || self.law.is_some())
@@ -239,17 +255,9 @@ impl Scene {
     ///
     /// If a node does not exist.
     pub fn add_spring(&mut self, first: usize, second: usize, stiffness: f64) -> usize {
-        self.springs.push(Spring {
-            nodes: [first, second],
-            stiffness,
-            rest_length: self.distance(first, second),
-            mass: 0.0,
-            damping: 0.0,
-            law: None,
-            breaks_at: None,
-            broken: false,
-            yielded: 0.0,
-        });
+        let rest_length = self.distance(first, second);
+        let spring = Spring::between(first, second, stiffness, rest_length);
+        self.springs.push(spring);
         self.springs.len() - 1
     }
 

@@ -14,15 +14,8 @@ fn settled(scene: &Scene) -> Equilibrium {
 
 fn spring(a: usize, b: usize, stiffness: f64, rest_length: f64) -> Spring {
     Spring {
-        nodes: [a, b],
-        stiffness,
-        rest_length,
         mass: 0.1,
-        damping: 0.0,
-        law: None,
-        breaks_at: None,
-        broken: false,
-        yielded: 0.0,
+        ..Spring::between(a, b, stiffness, rest_length)
     }
 }
 

@@ -13,20 +13,6 @@ fn stable(scene: &Scene) -> Equilibrium {
     equilibrium
 }
 
-fn spring(a: usize, b: usize, stiffness: f64, rest_length: f64) -> Spring {
-    Spring {
-        nodes: [a, b],
-        stiffness,
-        rest_length,
-        mass: 0.0,
-        damping: 0.0,
-        law: None,
-        breaks_at: None,
-        broken: false,
-        yielded: 0.0,
-    }
-}
-
 fn load(node: usize, force: Vector3<f64>) -> Load {
     Load {
         nodes: vec![node],
@@ -65,7 +51,7 @@ fn cable(cable: &Cable, segments: usize) -> Scene {
     for k in 0..segments {
         scene.springs.push(Spring {
             mass: cable.weight * l / 9.81,
-            ..spring(k, k + 1, cable.axial_stiffness / l, l)
+            ..Spring::between(k, k + 1, cable.axial_stiffness / l, l)
         });
     }
     scene
@@ -153,7 +139,7 @@ fn a_cable_with_a_point_load_sags_as_published() {
             let l = LENGTHS[part] / SEGMENTS[part] as f64;
             scene.springs.push(Spring {
                 mass: 46.12 * l / 9.81,
-                ..spring(k, k + 1, axial_stiffness / l, l)
+                ..Spring::between(k, k + 1, axial_stiffness / l, l)
             });
         }
         scene.loads = vec![load(SEGMENTS[0], Vector3::new(0.0, 0.0, -force))];
@@ -179,7 +165,9 @@ fn the_expanded_octahedron_has_its_ratios() {
                 at[(axis + 1) % 3] = 0.2 * side + 0.01 * end;
                 scene.add_node(Node::at(at))
             });
-            scene.springs.push(spring(ends[0], ends[1], 100.0, 1.05));
+            scene
+                .springs
+                .push(Spring::between(ends[0], ends[1], 100.0, 1.05));
         }
     }
     let struts = scene.springs.len();
@@ -192,7 +180,7 @@ fn the_expanded_octahedron_has_its_ratios() {
                     let from = 4 * axis + 2 * strut + end;
                     scene
                         .springs
-                        .push(spring(from, other + other_end, 10.0, 0.5));
+                        .push(Spring::between(from, other + other_end, 10.0, 0.5));
                 }
             }
         }
@@ -233,19 +221,22 @@ fn the_triplex_prism_is_twisted_by_150_degrees() {
     for k in 0..3 {
         scene
             .springs
-            .push(spring(upper[k], upper[(k + 1) % 3], 1.0, 0.0));
+            .push(Spring::between(upper[k], upper[(k + 1) % 3], 1.0, 0.0));
         scene
             .springs
-            .push(spring(lower[k], upper[k], 3f64.sqrt(), 0.0));
+            .push(Spring::between(lower[k], upper[k], 3f64.sqrt(), 0.0));
     }
     let length = 2.0;
     for k in 0..3 {
         // Pushes with q = −√3 at its length.
         let stiffness = 1e3;
         let rest_length = length * (1.0 + 3f64.sqrt() / stiffness);
-        scene
-            .springs
-            .push(spring(lower[k], upper[(k + 1) % 3], stiffness, rest_length));
+        scene.springs.push(Spring::between(
+            lower[k],
+            upper[(k + 1) % 3],
+            stiffness,
+            rest_length,
+        ));
     }
     let equilibrium = settle(&scene, &Options::default()).unwrap();
     for k in 0..3 {
@@ -282,7 +273,7 @@ fn the_arch_of_least_load_path_has_its_rise() {
     }
     let step = D / (N - 1) as f64;
     for k in 1..N {
-        scene.springs.push(spring(k - 1, k, 1.0, 1.0));
+        scene.springs.push(Spring::between(k - 1, k, 1.0, 1.0));
         if k < N - 1 {
             scene.loads.push(load(k, Vector3::new(0.0, 0.0, -step)));
         }
@@ -326,8 +317,8 @@ fn the_two_bar_truss_snaps_through_at_its_limit() {
         guide: Some(springs_scene::Guide::Held([false, true, false])),
         ..Node::at(Vector3::new(0.0, 0.0, h))
     });
-    scene.springs.push(spring(0, top, k, l));
-    scene.springs.push(spring(1, top, k, l));
+    scene.springs.push(Spring::between(0, top, k, l));
+    scene.springs.push(Spring::between(1, top, k, l));
     scene.loads = vec![load(top, Vector3::new(0.0, 0.0, -1.2))];
     let path = trace(&scene, 1000, &Options::default()).unwrap();
     assert_eq!(path.end, PathEnd::WholeLoad);
@@ -372,7 +363,7 @@ fn a_chain_has_its_frequencies() {
         });
     }
     for i in 0..n + 1 {
-        scene.springs.push(spring(i, i + 1, k, 1.0));
+        scene.springs.push(Spring::between(i, i + 1, k, 1.0));
     }
     for count in [3, 20, n, n + 100] {
         let modes = modes(&scene, count, &Options::default()).unwrap();

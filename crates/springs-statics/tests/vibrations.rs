@@ -9,20 +9,6 @@ use springs_statics::{
 };
 use std::f64::consts::TAU;
 
-fn spring(a: usize, b: usize, stiffness: f64, rest_length: f64) -> Spring {
-    Spring {
-        nodes: [a, b],
-        stiffness,
-        rest_length,
-        mass: 0.0,
-        damping: 0.0,
-        law: None,
-        breaks_at: None,
-        broken: false,
-        yielded: 0.0,
-    }
-}
-
 fn lowest(scene: &Scene, count: usize) -> Modes {
     modes(scene, count, &Options::default()).unwrap()
 }
@@ -36,8 +22,12 @@ fn weight(stiffness: f64, rest_length: f64) -> Scene {
         ..Node::at(Vector3::zeros())
     });
     scene.add_node(Node::fixed(Vector3::x()));
-    scene.springs.push(spring(0, 1, stiffness, rest_length));
-    scene.springs.push(spring(1, 2, stiffness, rest_length));
+    scene
+        .springs
+        .push(Spring::between(0, 1, stiffness, rest_length));
+    scene
+        .springs
+        .push(Spring::between(1, 2, stiffness, rest_length));
     scene
 }
 
@@ -108,7 +98,7 @@ fn massless_nodes_follow_or_are_refused() {
         guide: Some(Guide::Along(Vector3::x())),
         ..Node::at(Vector3::x() * -1.0)
     });
-    scene.springs.push(spring(0, 3, 100.0, 1.0));
+    scene.springs.push(Spring::between(0, 3, 100.0, 1.0));
     scene.nodes[1].guide = Some(Guide::Along(Vector3::x()));
     let modes = lowest(&scene, 10);
     assert_eq!(modes.n_all, 1);

@@ -47,10 +47,8 @@ impl Anchors {
         if !self.any_moves {
             return;
         }
-        let elapsed = time - self.since;
-        let moved = self.origins.iter().zip(&self.velocities);
-        for (x, (origin, velocity)) in x[self.first..].iter_mut().zip(moved) {
-            *x = origin + velocity * elapsed;
+        for (anchor, x) in x[self.first..].iter_mut().enumerate() {
+            *x = self.without_motion(anchor, time);
         }
         for prescribed in &*self.prescribed {
             let moved = prescribed.at(time);
@@ -61,15 +59,18 @@ impl Anchors {
         }
     }
 
+    /// Where one of them is without the motion that it follows, in m.
+    fn without_motion(&self, anchor: usize, time: f64) -> Vector3<f64> {
+        self.origins[anchor] + self.velocities[anchor] * (time - self.since)
+    }
+
     /// Gives those whose velocities change the ones, in m/s, that lead from `x`, where
     /// they are at the start of an interval, straight to its end.
     pub fn point_at_end(&self, interval: Interval, x: &[Vector3<f64>], v: &mut [Vector3<f64>]) {
         for prescribed in &*self.prescribed {
             let moved = prescribed.at(interval.end).displacement;
             for block in prescribed.blocks() {
-                let base = block - self.first;
-                let elapsed = interval.end - self.since;
-                let end = self.origins[base] + self.velocities[base] * elapsed + moved;
+                let end = self.without_motion(block - self.first, interval.end) + moved;
                 v[block] = (end - x[block]) / interval.size;
             }
         }
@@ -90,15 +91,12 @@ impl Anchors {
 
     /// Puts nodes that follow a motion where they are at `time`, in s.
     pub(crate) fn place_nodes(&self, system: &System, time: f64, nodes: &mut NodeStates) {
-        let elapsed = time - self.since;
         for prescribed in &*self.prescribed {
             let moved = prescribed.at(time);
             for block in prescribed.blocks() {
-                let (node, base) = (system.numbering().node(block), block - self.first);
-                let velocity = self.velocities[base];
-                nodes.positions[node] =
-                    self.origins[base] + velocity * elapsed + moved.displacement;
-                nodes.velocities[node] = velocity + moved.velocity;
+                let (node, anchor) = (system.numbering().node(block), block - self.first);
+                nodes.positions[node] = self.without_motion(anchor, time) + moved.displacement;
+                nodes.velocities[node] = self.velocities[anchor] + moved.velocity;
             }
         }
     }

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{Random, append, tangle, with};
+use common::{METHODS, Random, append, tangle, with};
 use nalgebra::Vector3;
 use springs_scene::generate::{Material, cloth};
 use springs_scene::{
@@ -12,19 +12,6 @@ use springs_scene::{
 use springs_step::{Frame, Islands, Members, Observer, Peak, properties};
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
-
-const METHODS: [Method; 10] = [
-    Method::LinearlyImplicitEuler,
-    Method::ImplicitEuler,
-    Method::TrBdf2,
-    Method::ImplicitMidpoint,
-    Method::FilteredLeapfrog,
-    Method::Rodas4,
-    Method::VelocityVerlet,
-    Method::BlanesMoan4,
-    Method::BlanesMoan6,
-    Method::Dop853,
-];
 
 const G: f64 = 9.81;
 

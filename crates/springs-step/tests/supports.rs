@@ -2,23 +2,10 @@
 
 mod common;
 
-use common::{after, distance, tangle, with};
+use common::{METHODS, after, distance, tangle, with};
 use nalgebra::{Rotation3, Vector3};
 use springs_scene::{Guide, Load, Method, Node, OverTime, Scene, StepControl};
 use springs_step::{Islands, Simulation};
-
-const METHODS: [Method; 10] = [
-    Method::LinearlyImplicitEuler,
-    Method::ImplicitEuler,
-    Method::TrBdf2,
-    Method::ImplicitMidpoint,
-    Method::FilteredLeapfrog,
-    Method::Rodas4,
-    Method::VelocityVerlet,
-    Method::BlanesMoan4,
-    Method::BlanesMoan6,
-    Method::Dop853,
-];
 
 /// A bead on a wire along `direction`, a height of 0.6 m under a hook, on a spring of
 /// 1 m and 40 N/m.

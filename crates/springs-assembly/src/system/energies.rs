@@ -105,12 +105,10 @@ impl System {
         carried: Option<&[f64]>,
         visit: &mut dyn FnMut(usize, f64),
     ) {
-        let mut line = 0;
-        self.each_with_its(carried, |emitter, carried| {
+        self.each_with_its(carried, |line, emitter, carried| {
             if line < Lines::OTHERS {
                 emitter.each_tension(x, carried, visit);
             }
-            line += 1;
         });
     }
 
@@ -127,7 +125,7 @@ impl System {
     ) -> Vec<(usize, Vector3<f64>)> {
         let n_free = self.n_free();
         let mut forces = vec![Vector3::zeros(); self.numbering.n_nodes()];
-        self.each_with_its(carried, |emitter, carried| {
+        self.each_with_its(carried, |_, emitter, carried| {
             emitter.add_forces_on_all(x, v, n_free, carried, &mut forces);
             emitter.add_loads_on_all(time, &mut forces);
         });

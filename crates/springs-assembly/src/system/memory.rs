@@ -1,6 +1,6 @@
 //! What lasts of where a system has been.
 
-use super::System;
+use super::{System, its_part};
 use crate::{Lines, MemoryUpdate};
 use nalgebra::Vector3;
 
@@ -18,11 +18,7 @@ impl System {
         let mut rest = carried;
         for (line, emitter) in self.emitters.iter_mut().enumerate() {
             let n_of_scene = update.broken.len();
-            let mine = rest.map(|all| {
-                let (mine, others) = all.split_at(emitter.n_carried());
-                rest = Some(others);
-                mine
-            });
+            let mine = its_part(&mut rest, &**emitter);
             emitter.update_memory(x, mine, &mut update);
             if line >= Lines::OTHERS {
                 let others = update.broken.drain(n_of_scene..);

@@ -82,12 +82,12 @@ const SHARE: f64 = 0.1;
 /// Trial runs with equal steps may cost this part of the whole run; they have at
 /// least so many steps, and if they are begun may have so many.
 const TRIAL_RUNS: f64 = 0.5;
+const FEWEST_TRIAL_STEPS: f64 = 24.0;
+const USUAL_TRIAL_STEPS: f64 = 120.0;
 /// Trial runs are not made beside an explicit method, if methods with a matrix that
 /// change their steps cost so many times as much: a step of filtered leapfrog takes one
 /// solution, a step of TR-BDF2 four or so, of about the same size.
 const FAR: f64 = 6.0;
-const FEWEST_TRIAL_STEPS: f64 = 24.0;
-const USUAL_TRIAL_STEPS: f64 = 120.0;
 /// However dear the alternative seems, nobody waits for more.
 const MOST_TRIAL_STEPS: f64 = 1e6;
 /// Adaptive steps cost more than they seem to at the start, where most scenes
@@ -330,17 +330,12 @@ impl Auto {
             controller,
         };
         let (mut best, mut cost) = self.try_out_from_rest(task, 0, trials)?;
-        let mut with_matrix = f64::INFINITY;
-        if !self.candidates[0].is_explicit() {
-            with_matrix = best.price;
-        }
+        let mut with_matrix = self.price_with_matrix(0, &best);
         for index in 1..self.candidates.len() {
             if self.is_worth_trying(system, controller, index, best.price) {
                 let (tried, took) = self.try_out_from_rest(task, index, trials)?;
                 cost += took;
-                if !self.candidates[index].is_explicit() {
-                    with_matrix = with_matrix.min(tried.price);
-                }
+                with_matrix = with_matrix.min(self.price_with_matrix(index, &tried));
                 if tried.price < best.price {
                     (best, self.current) = (tried, index);
                 }
@@ -357,10 +352,19 @@ impl Auto {
         Ok((self.hand_over(best, reason), with_matrix))
     }
 
+    /// The price of a candidate that was tried, in ns/s; infinite without a matrix.
+    fn price_with_matrix(&self, index: usize, tried: &Trial) -> f64 {
+        if self.candidates[index].is_explicit() {
+            f64::INFINITY
+        } else {
+            tried.price
+        }
+    }
+
     /// Takes note of a step of size `h` that did `counts`.
     pub(crate) fn record(&mut self, h: f64, counts: Counts) {
         let evaluation = self.candidates[self.current].evaluation;
-        self.spent += self.costs.of_counts(&counts, evaluation) + self.costs.of_attempts(&counts);
+        self.spent += self.costs.of_counts(&counts, evaluation);
         self.covered += h;
         self.step_size = h;
     }

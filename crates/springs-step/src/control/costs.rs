@@ -44,7 +44,7 @@ impl CostModel {
     /// method.
     pub fn of_run(&self, method: Method, counts: &Counts) -> Option<f64> {
         let evaluation = self.evaluation(properties(method)?.node_cost);
-        Some(self.of_counts(counts, evaluation) + self.of_attempts(counts))
+        Some(self.of_counts(counts, evaluation))
     }
 
     /// As little as it can be, until the system is [learnt](Self::learn_system).
@@ -95,18 +95,13 @@ impl CostModel {
         USUAL_FACTORIZATIONS * self.step_with_matrix()
     }
 
-    /// Steps, made or thrown away, apart from what they counted: copies of the state, the
-    /// weighing of errors, the ledger.
-    pub(super) fn of_attempts(&self, counts: &Counts) -> f64 {
-        (counts.steps + counts.rejected_steps) as f64 * self.attempt()
-    }
-
-    /// The same for one of them.
+    /// A step, made or thrown away, beside what it counts otherwise: copies of the state,
+    /// the weighing of errors, the ledger.
     pub(super) fn attempt(&self) -> f64 {
         300.0 + 12.0 * self.n_nodes
     }
 
-    /// What was counted, apart from steps, with `evaluation` for each evaluation of forces alone.
+    /// What was counted, with `evaluation` for each evaluation of forces alone.
     pub(super) fn of_counts(&self, counts: &Counts, evaluation: f64) -> f64 {
         let linearizations = counts.linearizations;
         let forces = counts.force_evaluations.saturating_sub(linearizations);
@@ -114,5 +109,6 @@ impl CostModel {
             + linearizations as f64 * (self.linearization + self.system.matrix)
             + counts.solves as f64 * self.system.solution
             + counts.solver_iterations as f64 * self.system.iteration
+            + (counts.steps + counts.rejected_steps) as f64 * self.attempt()
     }
 }

@@ -1,6 +1,6 @@
 //! When loads and motions change.
 
-use springs_scene::{PrescribedMotion, Scene};
+use springs_scene::Scene;
 
 /// When loads and motions of a scene change: steps that are chosen from the error end
 /// there, and take no more than a part of a period, so that nothing is passed over
@@ -30,7 +30,7 @@ impl Timetable {
         followed.sort_unstable();
         followed.dedup();
         let motions = followed.into_iter().map(|motion| {
-            let motion: &PrescribedMotion = &scene.motions[motion].motion;
+            let motion = &scene.motions[motion].motion;
             (motion.kinks(), motion.period())
         });
         let (mut kinks, mut period) = (Vec::new(), f64::INFINITY);

@@ -72,7 +72,6 @@ impl Method for Doubling {
         work: &mut Work,
     ) -> Result<Option<ErrorEstimate>, MethodError> {
         let h = interval.size;
-        let middle = interval.start + 0.5 * h;
         self.whole.x.copy_from_slice(&state.x);
         self.whole.v.copy_from_slice(&state.v);
         self.weighing.begin(&state.v);
@@ -82,16 +81,7 @@ impl Method for Doubling {
         }
         self.method
             .step(system, anchors, interval, &mut self.whole, work)?;
-        let first = Interval {
-            start: interval.start,
-            end: middle,
-            size: 0.5 * h,
-        };
-        let second = Interval {
-            start: middle,
-            end: interval.end,
-            size: 0.5 * h,
-        };
+        let [first, second] = interval.halves();
         self.method.step(system, anchors, first, state, work)?;
         let flows = self.method.flows();
         self.method.accept();

@@ -232,9 +232,7 @@ impl Method for LinearlyImplicitEuler {
     }
 
     fn tensions(&self) -> Option<&[f64]> {
-        Some(&self.tensions)
-            .filter(|tensions| !tensions.is_empty())
-            .map(|kept| &**kept)
+        (!self.tensions.is_empty()).then_some(&self.tensions)
     }
 
     fn flows(&self) -> Option<Flows> {

@@ -29,6 +29,16 @@ pub struct Interval {
     pub size: f64,
 }
 
+impl Interval {
+    /// Its halves.
+    pub(crate) fn halves(&self) -> [Self; 2] {
+        let size = 0.5 * self.size;
+        let middle = self.start + size;
+        let [start, end] = [self.start, self.end];
+        [(start, middle), (middle, end)].map(|(start, end)| Self { start, end, size })
+    }
+}
+
 /// An estimate of the error of one step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ErrorEstimate {

@@ -49,7 +49,8 @@ type Build = fn(&System, &Choice) -> Result<Box<dyn Method>, SolveError>;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum ToleranceKind {
-    /// By an estimate of its own.
+    /// By an estimate of its own; velocity Verlet by making each step twice where
+    /// dashpots or drag act.
     Estimate,
     /// By making each step twice.
     Doubling,

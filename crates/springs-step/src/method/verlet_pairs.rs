@@ -55,34 +55,23 @@ impl Method for VerletPairs {
         state: &mut State,
         work: &mut Work,
     ) -> Result<Option<ErrorEstimate>, MethodError> {
-        let half = 0.5 * interval.size;
-        let middle = interval.start + half;
+        let [first, second] = interval.halves();
         self.weighing.begin(&state.v);
         // The first half of a rejected pair was accepted.
         if !self.is_fresh {
             self.verlet.go_back();
         }
-        let first = Interval {
-            start: interval.start,
-            end: middle,
-            size: half,
-        };
-        let second = Interval {
-            start: middle,
-            end: interval.end,
-            size: half,
-        };
         self.verlet.step(system, anchors, first, state, work)?;
         self.flows = self.verlet.flows;
         self.verlet.accept();
         self.is_fresh = false;
         self.verlet.step(system, anchors, second, state, work)?;
         self.flows += self.verlet.flows;
-        let [a0, a1, a2] = self.verlet.last_accelerations();
+        let (k, [a0, a1, a2]) = (first.size, self.verlet.last_accelerations());
         let estimate = self.weighing.estimate(interval.size, state, |block| {
             let turn = a1[block] - a0[block];
             let bend = turn + (a1[block] - a2[block]);
-            [turn * (half * half), bend * (0.5 * half)]
+            [turn * (k * k), bend * (0.5 * k)]
         });
         Ok(Some(estimate))
     }

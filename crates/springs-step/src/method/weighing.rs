@@ -157,9 +157,10 @@ impl Weighing {
             };
             let frequency = (error / left - 1.0).max(0.0).sqrt() / time;
             let is_same = (frequency / SAME..=frequency * SAME).contains(&last.frequency);
-            let pause = match is_same {
-                true => (2 * last.last_pause).clamp(SHORTEST_PAUSE, LONGEST_PAUSE),
-                false => SHORTEST_PAUSE,
+            let pause = if is_same {
+                (2 * last.last_pause).clamp(SHORTEST_PAUSE, LONGEST_PAUSE)
+            } else {
+                SHORTEST_PAUSE
             };
             *last = Stiffness {
                 frequency,

@@ -113,9 +113,10 @@ impl Supported {
 #[derive(Clone)]
 pub(crate) struct Track {
     n_springs: usize,
-    /// What the method carried; empty where positions say it.
+    /// What [`System::carried`] gives at both ends, by the method or by positions.
     start: Vec<f64>,
     end: Vec<f64>,
+    /// Whether the method said it, so that positions do not.
     is_carried: bool,
     peaks: Vec<Peak>,
 }
@@ -231,7 +232,7 @@ impl Track {
 
 /// Members of a whole scene from those of its parts.
 pub(crate) struct Gathered {
-    pub(crate) members: Members,
+    members: Members,
 }
 
 impl Gathered {
@@ -239,9 +240,7 @@ impl Gathered {
         Self {
             members: Members {
                 tensions: vec![0.0; n_springs],
-                reactions: Vec::new(),
-                broken: Vec::new(),
-                yielded: Vec::new(),
+                ..Members::default()
             },
         }
     }

@@ -354,12 +354,11 @@ impl Simulation {
         if self.settle(&mut |steps| observer.trial(steps))?.is_break() {
             return Ok(Outcome::Stopped);
         }
-        let wants_members = observer.wants_members();
-        if wants_members {
+        if observer.wants_members() {
             self.track_members();
         }
         if frames.is_first() {
-            let members = wants_members.then(|| self.members(None, 0.0, &self.nodes));
+            let members = self.members_for(observer, None, 0.0, &self.nodes);
             let shown = frames.show(0.0, &self.nodes, members, observer);
             if either(shown, offer(observer, || self.account(0.0))).is_break() {
                 return Ok(Outcome::Stopped);
@@ -395,19 +394,16 @@ impl Simulation {
                 return Ok(ControlFlow::Break(()));
             }
             self.stepper.scatter(&mut self.nodes);
-            let wants_members = observer.wants_members();
             let stops = if fraction >= 1.0 - AT_THE_END {
                 self.end_step();
-                let members =
-                    wants_members.then(|| self.members(Some(interval), time, &self.nodes));
+                let members = self.members_for(observer, Some(interval), time, &self.nodes);
                 let shown = frames.show(time, &self.nodes, members, observer);
                 either(shown, offer(observer, || self.account(time)))
             } else {
                 let mut between = std::mem::take(&mut frames.between);
                 let made = self.evaluate(interval, time, &mut between);
                 let stops = made.map(|()| {
-                    let members =
-                        wants_members.then(|| self.members(Some(interval), time, &between));
+                    let members = self.members_for(observer, Some(interval), time, &between);
                     let shown = frames.show(time, &between, members, observer);
                     let account = || self.account_between(interval, time, &between);
                     either(shown, offer(observer, account))

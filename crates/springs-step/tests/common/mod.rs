@@ -11,6 +11,20 @@ use nalgebra::Vector3;
 use springs_scene::{Method, Node, Scene, Spring, StepControl, Tangent};
 use springs_step::{NodeStates, Simulation, Stepper};
 
+/// Every one, apart from the choice among them.
+pub const METHODS: [Method; 10] = [
+    Method::LinearlyImplicitEuler,
+    Method::ImplicitEuler,
+    Method::TrBdf2,
+    Method::ImplicitMidpoint,
+    Method::FilteredLeapfrog,
+    Method::Rodas4,
+    Method::VelocityVerlet,
+    Method::BlanesMoan4,
+    Method::BlanesMoan6,
+    Method::Dop853,
+];
+
 /// Numbers in [0, 1) that are the same everywhere (xorshift64*).
 pub struct Random(pub u64);
 

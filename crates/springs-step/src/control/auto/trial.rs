@@ -139,6 +139,7 @@ impl Auto {
             });
             trials.work += work;
             trials.step()?;
+            // The attempt itself is not counted: nothing stands.
             let counted = self.costs.of_counts(&work.counts, candidate.evaluation);
             let cost = counted + self.costs.attempt();
             total += cost;

@@ -2,7 +2,7 @@
 
 use super::Simulation;
 use crate::run::members::{Track, state_of};
-use crate::{Interval, Members, NodeStates, Peak};
+use crate::{Interval, Members, NodeStates, Observer, Peak};
 
 impl Simulation {
     /// Keeps tensions and their peaks from now on.
@@ -14,17 +14,20 @@ impl Simulation {
         }
     }
 
-    /// What springs and supports carry at a time within a step, where `nodes` are; the
-    /// state at its end if there was none.
-    pub(super) fn members(
+    /// What springs and supports carry at a time within a step, where `nodes` are, if the
+    /// observer wants it; at the end of the step if there was none.
+    pub(super) fn members_for(
         &self,
+        observer: &dyn Observer,
         interval: Option<Interval>,
         time: f64,
         nodes: &NodeStates,
-    ) -> Members {
-        let mut members = self.members_without_weight(interval, time, nodes);
-        self.supported.add_to(time, &mut members.reactions);
-        members
+    ) -> Option<Members> {
+        observer.wants_members().then(|| {
+            let mut members = self.members_without_weight(interval, time, nodes);
+            self.supported.add_to(time, &mut members.reactions);
+            members
+        })
     }
 
     /// The same without the masses of fixed nodes; nothing where tensions are not kept.
@@ -49,7 +52,7 @@ impl Simulation {
     }
 
     /// The largest and the least tension of each spring at the ends of steps, where an
-    /// observer [wanted](crate::Observer::wants_members) members; else nothing.
+    /// observer [wanted](Observer::wants_members) members; else nothing.
     pub fn peaks(&self) -> &[Peak] {
         self.track.as_ref().map_or(&[], Track::peaks)
     }
