@@ -7,7 +7,7 @@ use common::tangle;
 use springs::io::write_scene;
 use springs::scene::{Method, RunOptions, StepControl};
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 use tempfile::TempDir;
 
@@ -276,17 +276,14 @@ fn samples_hold_what_the_table_holds() {
 #[cfg(unix)]
 #[test]
 fn outputs_that_find_no_room_go_on() {
-    use common::desk::Desk;
+    use common::desk::{Desk, all_files};
     for output in ["npz", "pc2"] {
         let desk = Desk::new();
         desk.scene("net.ron", "cloth 8 --duration 1");
         let options = format!("--write {output} --frames 3000 --checkpoint 0.1s --quiet");
         desk.expect(0, &format!("run net.ron --out whole {options}"));
-        let program = env!("CARGO_BIN_EXE_springs");
-        let run = format!("ulimit -f 1000; exec {program} run net.ron --out d {options}");
-        let mut shell = Command::new("sh");
-        let output = shell.args(["-c", &run]).current_dir(desk.folder()).output();
-        assert_eq!(output.unwrap().status.code(), Some(1));
+        let output = desk.springs_within("-f 1000", &format!("run net.ron --out d {options}"));
+        assert_eq!(output.status.code(), Some(1));
         let names = desk.names("d");
         assert!(names.contains(&"checkpoint.bin".to_owned()), "{names:?}");
         assert!(
@@ -294,24 +291,13 @@ fn outputs_that_find_no_room_go_on() {
             "{names:?}"
         );
         desk.expect(0, "resume d --quiet");
-        assert!(all_files(&desk.path("d")) == all_files(&desk.path("whole")));
+        let [resumed, whole] = ["d", "whole"].map(|name| {
+            let mut files = all_files(&desk.path(name));
+            files.remove("report.json");
+            files
+        });
+        assert!(resumed == whole);
     }
-}
-
-/// Names and contents, but for the report, in a folder and those in it.
-fn all_files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
-    let mut files = BTreeMap::new();
-    for entry in std::fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
-        let name = PathBuf::from(path.file_name().unwrap());
-        if path.is_dir() {
-            let inner = all_files(&path).into_iter();
-            files.extend(inner.map(|(inner, bytes)| (name.join(inner), bytes)));
-        } else if name != Path::new("report.json") {
-            files.insert(name, std::fs::read(&path).unwrap());
-        }
-    }
-    files
 }
 
 /// `SPRINGS_PYTHON=python3 cargo test --test formats -- --ignored`: a Python with numpy

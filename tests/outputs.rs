@@ -1,5 +1,8 @@
 //! What every output of the table promises.
 
+mod common;
+
+use common::desk::all_files;
 use springs::io::{FrameMembers, Mark, RunEnd, RunPlan, SinkKind, TrajectoryFrame};
 use springs::scene::generate::{Material, cloth};
 use springs::scene::{BreakLimit, Scene, Vector3};
@@ -7,7 +10,6 @@ use springs::sinks::{Marks, SINKS, Sinks, tension_peaks};
 use springs::step::{Frame, Islands, NodeStates, Observer};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::ControlFlow;
-use std::path::Path;
 
 const INTERVALS: usize = 6;
 
@@ -19,22 +21,6 @@ fn scene() -> Scene {
 
 fn names() -> Vec<String> {
     SINKS.iter().map(|kind| kind.name().to_owned()).collect()
-}
-
-/// All files of a folder and of those in it.
-fn contents(folder: &Path) -> BTreeMap<String, Vec<u8>> {
-    let mut all = BTreeMap::new();
-    for entry in std::fs::read_dir(folder).unwrap() {
-        let entry = entry.unwrap();
-        let name = entry.file_name().into_string().unwrap();
-        if entry.path().is_dir() {
-            let inner = contents(&entry.path()).into_iter();
-            all.extend(inner.map(|(inner, bytes)| (format!("{name}/{inner}"), bytes)));
-        } else {
-            all.insert(name, std::fs::read(entry.path()).unwrap());
-        }
-    }
-    all
 }
 
 /// Writes outputs, and stops at a frame, before its energies are written.
@@ -110,7 +96,7 @@ fn results(scene: &Scene, kills: &[usize]) -> BTreeMap<String, Vec<u8>> {
     }
     islands.run(INTERVALS, &mut writer).unwrap();
     let files = finish(&mut writer.sinks, scene, &islands);
-    let contents = contents(folder);
+    let contents = all_files(folder);
     let promised: BTreeSet<&str> = files.into_iter().collect();
     let names = contents.keys().map(String::as_str);
     // A folder has the name up to its slash.
@@ -176,7 +162,7 @@ fn outputs_that_were_finished_on_the_way_go_on() {
     };
     islands.run(INTERVALS, &mut writer).unwrap();
     finish(&mut writer.sinks, scene, &islands);
-    assert_eq!(contents(folder), whole);
+    assert_eq!(all_files(folder), whole);
 }
 
 /// One that is made of others comes after them.
@@ -260,7 +246,7 @@ fn an_output_that_is_neither_kept_nor_finished_leaves_nothing() {
         intervals: INTERVALS,
     };
     drop(Sinks::begin(folder.path(), &names(), &plan).unwrap());
-    assert_eq!(contents(folder.path()), BTreeMap::new());
+    assert_eq!(all_files(folder.path()), BTreeMap::new());
 }
 
 /// If one output cannot go on, the others are not touched.
@@ -282,12 +268,12 @@ fn outputs_go_on_together_or_not_at_all() {
     writer.stop_at = None;
     islands.run(INTERVALS, &mut writer).unwrap();
     drop(writer);
-    let left = contents(folder);
+    let left = all_files(folder);
     let text = serde_json::to_string(&marks).unwrap();
     let refused = |text: &str, plan: &RunPlan<'_>| {
         let marks: Marks = serde_json::from_str(text).unwrap();
         let error = Sinks::resume(folder, plan, &marks).err().unwrap();
-        assert_eq!(contents(folder), left);
+        assert_eq!(all_files(folder), left);
         error.to_string()
     };
     let error = refused(&text.replace("\"svg\"", "\"obj\""), &plan);

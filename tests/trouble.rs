@@ -5,39 +5,17 @@
 mod common;
 
 use common::append;
-use common::desk::{Desk, signal, wait_until};
+use common::desk::{Desk, all_files, signal, wait_until};
 use springs::io::{Checkpoint, read_checkpoint, read_scene, scene_to_string, write_checkpoint};
-use std::collections::BTreeMap;
-use std::process::{Command, Output, Stdio};
+use std::process::Output;
 use std::time::{Duration, Instant};
 
 const RESULTS: [&str; 4] = ["final.ron", "trajectory.csv", "energy.csv", "filmstrip.svg"];
 
-/// All files of a folder.
-fn contents(desk: &Desk, folder: &str) -> BTreeMap<String, Vec<u8>> {
-    let names = desk.names(folder).into_iter();
-    let read = |name: String| {
-        let bytes = std::fs::read(desk.path(folder).join(&name)).unwrap();
-        (name, bytes)
-    };
-    names.map(read).collect()
-}
-
 /// Runs the program with files limited to about so many kilobytes (or half of
 /// that, where the shell counts so).
 fn with_small_files(desk: &Desk, kilobytes: u32, arguments: &str) -> Output {
-    with_limit(desk, &format!("-f {kilobytes}"), arguments)
-}
-
-/// Runs the program with a limit of the shell's `ulimit`.
-fn with_limit(desk: &Desk, limit: &str, arguments: &str) -> Output {
-    let program = env!("CARGO_BIN_EXE_springs");
-    Command::new("sh")
-        .args(["-c", &format!("ulimit {limit}; exec {program} {arguments}")])
-        .current_dir(desk.folder())
-        .stdin(Stdio::null())
-        .output()
-        .unwrap()
+    desk.springs_within(&format!("-f {kilobytes}"), arguments)
 }
 
 #[test]
@@ -45,7 +23,7 @@ fn old_results_stay_until_there_are_new_ones() {
     let desk = Desk::new();
     desk.scene("net.ron", "cloth 6 --duration 0.2");
     desk.expect(0, "run net.ron --out d --write csv,svg --quiet");
-    let old = contents(&desk, "d");
+    let old = all_files(&desk.path("d"));
     // It goes on in place, and is killed.
     let options = "--duration 1e6 --write csv --frames 1000000 --force --quiet";
     let mut child = desk.start(&format!("run d/final.ron --out d {options}"));
@@ -53,7 +31,7 @@ fn old_results_stay_until_there_are_new_ones() {
     wait_until("frames are written", || desk.size("d") > size + 100_000);
     child.kill().unwrap();
     child.wait().unwrap();
-    let mut left = contents(&desk, "d");
+    let mut left = all_files(&desk.path("d"));
     left.retain(|name, _| !name.starts_with(".springs-"));
     assert!(left == old, "of the older run: {:?}", desk.names("d"));
     // The next one comes to its end: what it does not write is gone, and so is
@@ -239,7 +217,7 @@ fn a_table_that_was_changed_or_removed_is_not_continued() {
     wait_until("frames are written", || desk.size("d") > 100_000);
     signal(&child, "INT");
     assert_eq!(child.wait().unwrap().code(), Some(130));
-    let sound = contents(&desk, "d");
+    let sound = all_files(&desk.path("d"));
     let path = desk.path("d/trajectory.csv");
 
     std::fs::write(&path, "time,node\n").unwrap();
@@ -282,13 +260,13 @@ fn no_table_is_cut_if_another_one_was_changed() {
     child.kill().unwrap();
     child.wait().unwrap();
     std::fs::write(desk.path("d/energy.csv.part"), "time,kinetic\n").unwrap();
-    let left = contents(&desk, "d");
+    let left = all_files(&desk.path("d"));
     let said = desk.expect(2, "resume d");
     assert!(
         said.contains("energy.csv.part is not what the run"),
         "{said}"
     );
-    assert!(contents(&desk, "d") == left, "nothing is changed");
+    assert!(all_files(&desk.path("d")) == left, "nothing is changed");
 }
 
 #[test]
@@ -304,14 +282,14 @@ fn checkpoints_of_an_earlier_form_are_refused() {
     let version = b"springs checkpoint\n".len();
     bytes[version] = 2;
     std::fs::write(&path, bytes).unwrap();
-    let left = contents(&desk, "d");
+    let left = all_files(&desk.path("d"));
     let said = desk.expect(2, "resume d");
     assert!(said.contains("has version 2 of checkpoints"), "{said}");
     assert!(
         said.contains("  go on with the program that wrote it, or start the run again with"),
         "{said}"
     );
-    assert!(contents(&desk, "d") == left);
+    assert!(all_files(&desk.path("d")) == left);
 }
 
 /// A sound check sum, and a content that no run has written.
@@ -465,7 +443,7 @@ fn what_no_threads_can_be_started_for_is_done_by_fewer() {
             let many = format!("{scene}-{threads}");
             let arguments = format!("run {scene}.ron --threads {threads} --out {many} --quiet");
             let stack = format!("RUST_MIN_STACK={stack}");
-            let output = with_limit(&desk, &format!("-v 2000000; export {stack}"), &arguments);
+            let output = desk.springs_within(&format!("-v 2000000; export {stack}"), &arguments);
             assert!(output.status.success(), "{output:?}");
             let [one, many] = [&one, &many].map(|run| desk.read(&format!("{run}/final.ron")));
             assert_eq!(one, many, "{scene} on {threads} threads");

@@ -307,6 +307,7 @@ fn a_browser_shows_what_is_picked() {
         assert!(distances[1] < distances[0] && distances[2] < 0.5 * distances[1]);
         assert_eq!(seen["pickedNode"]["kind"], "node");
         assert_eq!(seen["pickedNode"]["index"], seen["node"]);
+        assert_eq!(seen["pickedSpring"]["kind"], "spring");
         assert!(seen["plots"].as_u64().unwrap() >= 3);
         // What is said of the picked node is in the table.
         let table = desk.read("d/trajectory.csv");

@@ -94,16 +94,15 @@ impl Sinks {
         plan: &RunPlan<'_>,
         awaits_energies: bool,
     ) -> Self {
-        let wants_members = sinks.iter().any(|(_, sink)| sink.wants_members());
-        Self {
+        let mut sinks = Self {
             sinks,
             awaits_energies,
-            springs: if wants_members {
-                plan.scene.springs.clone()
-            } else {
-                Vec::new()
-            },
+            springs: Vec::new(),
+        };
+        if sinks.wants_members() {
+            sinks.springs.clone_from(&plan.scene.springs);
         }
+        sinks
     }
 
     /// Whether frames are to have what springs and supports carry.

@@ -1,9 +1,26 @@
 //! A folder, and the program in it.
 
 use serde_json::Value;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
+
+/// The contents of all files of a folder and of those in it.
+pub fn all_files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut all = BTreeMap::new();
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let entry = entry.unwrap();
+        let name = entry.file_name().into_string().unwrap();
+        if entry.path().is_dir() {
+            let inner = all_files(&entry.path()).into_iter();
+            all.extend(inner.map(|(inner, bytes)| (format!("{name}/{inner}"), bytes)));
+        } else {
+            all.insert(name, std::fs::read(entry.path()).unwrap());
+        }
+    }
+    all
+}
 
 /// A folder of its own and the program in it.
 pub struct Desk(tempfile::TempDir);
@@ -36,6 +53,15 @@ impl Desk {
 
     pub fn springs(&self, arguments: &str) -> Output {
         self.command(arguments).output().unwrap()
+    }
+
+    /// The same with a limit of the shell's `ulimit`.
+    pub fn springs_within(&self, limit: &str, arguments: &str) -> Output {
+        let program = env!("CARGO_BIN_EXE_springs");
+        let mut shell = Command::new("sh");
+        shell.args(["-c", &format!("ulimit {limit}; exec {program} {arguments}")]);
+        let shell = shell.current_dir(&self.0).stdin(Stdio::null());
+        shell.output().unwrap()
     }
 
     /// Starts the program; nobody reads what it says.

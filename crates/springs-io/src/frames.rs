@@ -1,6 +1,7 @@
 //! Frames as plain numbers, which can be read one at a time in any order.
 
 use crate::sink::{FrameMembers, TrajectoryFrame};
+use springs_scene::Scene;
 use std::fs::File;
 use std::io::{self, Read as _, Seek as _, SeekFrom};
 
@@ -51,6 +52,14 @@ pub struct FrameSize {
 }
 
 impl FrameSize {
+    /// Of a scene.
+    pub fn of(scene: &Scene) -> Self {
+        Self {
+            n_nodes: scene.nodes.len(),
+            n_springs: scene.springs.len(),
+        }
+    }
+
     /// The shape of a quantity at one frame.
     pub(crate) fn shape(self, quantity: Quantity) -> Vec<usize> {
         match quantity {
@@ -91,8 +100,8 @@ pub(crate) fn append_frame(
 
 /// Frames in a file.
 #[derive(Debug)]
-pub struct FrameFile<'a> {
-    file: Source<'a>,
+pub struct FrameFile {
+    file: File,
     pub(crate) size: FrameSize,
     pub(crate) n_frames: usize,
     /// Of each quantity, in bytes: where it begins, and from frame to frame.
@@ -100,24 +109,9 @@ pub struct FrameFile<'a> {
     bytes: Vec<u8>,
 }
 
-#[derive(Debug)]
-enum Source<'a> {
-    Own(File),
-    Lent(&'a mut File),
-}
-
-impl<'a> FrameFile<'a> {
+impl FrameFile {
     /// Frames one after the other.
-    pub(crate) fn of_frames(file: &'a mut File, size: FrameSize, n_frames: usize) -> Self {
-        Self::one_after_the_other(Source::Lent(file), size, n_frames)
-    }
-
-    /// [`Self::of_frames`] of a file that nobody else needs.
-    pub(crate) fn of_own_frames(file: File, size: FrameSize, n_frames: usize) -> Self {
-        Self::one_after_the_other(Source::Own(file), size, n_frames)
-    }
-
-    fn one_after_the_other(file: Source<'a>, size: FrameSize, n_frames: usize) -> Self {
+    pub(crate) fn of_frames(file: File, size: FrameSize, n_frames: usize) -> Self {
         let mut start = 0;
         let places = Quantity::ALL.map(|quantity| {
             let place = (start, size.n_bytes());
@@ -136,10 +130,10 @@ impl<'a> FrameFile<'a> {
     ) -> Self {
         let strides = Quantity::ALL.map(|quantity| 8 * size.n_numbers(quantity) as u64);
         let places = std::array::from_fn(|index| (starts[index], strides[index]));
-        Self::new(Source::Own(file), size, n_frames, places)
+        Self::new(file, size, n_frames, places)
     }
 
-    fn new(file: Source<'a>, size: FrameSize, n_frames: usize, places: [(u64, u64); 5]) -> Self {
+    fn new(file: File, size: FrameSize, n_frames: usize, places: [(u64, u64); 5]) -> Self {
         Self {
             file,
             size,
@@ -187,12 +181,9 @@ impl<'a> FrameFile<'a> {
         assert!(frame < self.n_frames, "frame {frame} of {}", self.n_frames);
         let (start, stride) = self.places[quantity as usize];
         self.bytes.resize(8 * self.size.n_numbers(quantity), 0);
-        let file = match &mut self.file {
-            Source::Own(file) => file,
-            Source::Lent(file) => file,
-        };
-        file.seek(SeekFrom::Start(start + frame as u64 * stride))?;
-        file.read_exact(&mut self.bytes)?;
+        let place = SeekFrom::Start(start + frame as u64 * stride);
+        self.file.seek(place)?;
+        self.file.read_exact(&mut self.bytes)?;
         Ok(&self.bytes)
     }
 

@@ -94,6 +94,16 @@ pub enum ContinueError {
 }
 
 impl ContinueError {
+    /// A file that is gone, or cannot be read.
+    pub(crate) fn of_reading(path: &Path, error: io::Error) -> Self {
+        match error.kind() {
+            ErrorKind::NotFound => Self::Missing {
+                path: path.to_owned(),
+            },
+            _ => failure(path)(error).into(),
+        }
+    }
+
     /// What to say where an unfinished file is unfit, and the finished one, too.
     pub(crate) fn or_if_missing(self, finished: Self) -> Self {
         match self {
@@ -136,8 +146,9 @@ impl GrowingFile {
         let file = &mut self.file;
         let written = file.rewind().and_then(|()| file.write_all(header));
         let end = SeekFrom::Start(self.n_header + self.n_bytes);
-        let there = written.and_then(|()| file.seek(end));
-        there.map(|_| ()).map_err(failure(&self.path))
+        // What is appended goes there, also if this one could not be written.
+        let back = file.seek(end);
+        written.and(back).map(drop).map_err(failure(&self.path))
     }
 
     /// Finds a kept or finished file that begins as `mark` says. Nothing is
@@ -343,12 +354,7 @@ pub(crate) fn part_of(path: &Path) -> PathBuf {
 /// Opens a file that begins so after its header.
 fn open_beginning(path: &Path, n_header: u64, mark: &FileMark) -> Result<File, ContinueError> {
     let opened = OpenOptions::new().read(true).write(true).open(path);
-    let mut file = opened.map_err(|error| match error.kind() {
-        ErrorKind::NotFound => ContinueError::Missing {
-            path: path.to_owned(),
-        },
-        _ => failure(path)(error).into(),
-    })?;
+    let mut file = opened.map_err(|error| ContinueError::of_reading(path, error))?;
     let changed = || ContinueError::Changed {
         path: path.to_owned(),
     };

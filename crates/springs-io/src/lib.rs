@@ -53,7 +53,7 @@ pub use checkpoint::{Checkpoint, CheckpointError, read_checkpoint, write_checkpo
 pub use energies::ENERGIES;
 pub use frames::{FrameFile, FrameSize, Quantity};
 pub use growing::{ContinueError, FileMark, FoundFile, GrowingFile, part_name};
-pub use members::{REACTIONS, SPRINGS, SpringsAndPeaks};
+pub use members::{REACTIONS, SPRINGS, SpringsAndPeaks, strain};
 pub use npz::{Npz, NpzError, open_npz};
 pub use point_cache::PointCache;
 pub use read::{Finding, SceneError, parse_scene, parse_scene_with_inputs, read_scene, read_text};

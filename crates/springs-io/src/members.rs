@@ -50,7 +50,7 @@ fn springs(frame: &TrajectoryFrame<'_>, members: &FrameMembers<'_>, bytes: &mut 
 }
 
 /// The strain of a spring of that length in m; none where there is no rest length.
-pub(crate) fn strain(spring: &Spring, length: f64) -> Option<f64> {
+pub fn strain(spring: &Spring, length: f64) -> Option<f64> {
     (spring.rest_length > 0.0).then(|| (length - spring.rest_length) / spring.rest_length)
 }
 

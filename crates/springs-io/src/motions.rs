@@ -1,20 +1,18 @@
 //! Motions of a scene file, and their tables in files beside it.
 
-use crate::read::{Finding, no_such, read_text};
-use crate::scene_file::{MotionEntry, NodeEntry, Real, Tuple};
+use crate::read::{Findings, read_text};
+use crate::scene_file::{MotionEntry, Real, Tuple};
 use nalgebra::Vector3;
 use springs_scene::{NamedMotion, Path as ScenePath, PrescribedMotion, printable};
 use std::fs::File;
 use std::path::Path;
 
-/// The motions of a file, and for each node which of them it follows. Adds what is
-/// wrong to `findings`.
+/// The motions of a scene file of this name. Adds what is wrong to `findings`.
 pub(crate) fn motions(
     entries: Vec<(String, MotionEntry)>,
-    nodes: &[NodeEntry],
-    (file, text): (&str, &str),
-    findings: &mut Vec<Finding>,
-) -> (Vec<NamedMotion>, Vec<Option<usize>>) {
+    file: &str,
+    findings: &mut Findings<'_>,
+) -> Vec<NamedMotion> {
     let mut motions = Vec::with_capacity(entries.len());
     for (index, (name, entry)) in entries.into_iter().enumerate() {
         let motion = match entry {
@@ -35,7 +33,7 @@ pub(crate) fn motions(
                 let points = read_table(Path::new(file), &name).unwrap_or_else(|message| {
                     let path = ScenePath::Motion(index, None);
                     let advice = "it needs rows of time, x, y, z with commas between them";
-                    findings.push(Finding::at(text, path, message, Some(advice)));
+                    findings.push(path, message, Some(advice));
                     vec![(0.0, Vector3::zeros())]
                 });
                 PrescribedMotion::Table(points.into())
@@ -43,19 +41,7 @@ pub(crate) fn motions(
         };
         motions.push(NamedMotion { name, motion });
     }
-    let mut follow = |(node, entry): (usize, &NodeEntry)| {
-        let name = entry.motion.as_ref()?;
-        let found = motions.iter().position(|motion| motion.name == *name);
-        if found.is_none() {
-            let known = motions.iter().map(|motion| motion.name.as_str());
-            let message = no_such("motion", name, known);
-            let path = ScenePath::Node(node, Some("motion"));
-            findings.push(Finding::at(text, path, message, None));
-        }
-        found
-    };
-    let of_nodes = nodes.iter().enumerate().map(&mut follow).collect();
-    (motions, of_nodes)
+    motions
 }
 
 pub(crate) fn vector(entry: Tuple<3, Real>) -> Vector3<f64> {

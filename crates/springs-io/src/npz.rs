@@ -17,10 +17,10 @@ use crate::sink::{Mark, ResumeSink, RunEnd, RunPlan, Sink, SinkKind, TrajectoryF
 use crate::zip::{ZipWriter, entries};
 use springs_scene::Scene;
 use std::fs::File;
-use std::io::{self, ErrorKind, Read as _, Seek, SeekFrom, Write};
+use std::io::{self, Read as _, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-const FILE: &str = "trajectory.npz";
+const FILE: &str = Npz::FILE;
 /// The array of the nodes of each spring.
 const SPRINGS: &str = "springs";
 
@@ -28,6 +28,11 @@ const SPRINGS: &str = "springs";
 /// (k, 2), `length` and `tension` (f, k) of f frames, n nodes and k springs, in SI units.
 #[derive(Clone, Copy, Debug)]
 pub struct Npz;
+
+impl Npz {
+    /// The name of its file.
+    pub const FILE: &'static str = "trajectory.npz";
+}
 
 impl SinkKind for Npz {
     fn name(&self) -> &'static str {
@@ -46,7 +51,7 @@ impl SinkKind for Npz {
         let file = GrowingFile::begin(&folder.join(FILE))?;
         Ok(Box::new(Frames {
             file,
-            size: size_of(plan.scene),
+            size: FrameSize::of(plan.scene),
             springs: spring_nodes(plan.scene),
         }))
     }
@@ -59,7 +64,7 @@ impl SinkKind for Npz {
     ) -> Result<ResumeSink, ContinueError> {
         let path = folder.join(FILE);
         let mark: FileMark = mark.read(FILE)?;
-        let size = size_of(plan.scene);
+        let size = FrameSize::of(plan.scene);
         let n_bytes = mark.n_bytes + mark.unwritten.len() as u64;
         if !(mark.n_bytes.is_multiple_of(size.n_bytes()) && n_bytes.is_multiple_of(size.n_bytes()))
         {
@@ -85,13 +90,6 @@ impl SinkKind for Npz {
     }
 }
 
-fn size_of(scene: &Scene) -> FrameSize {
-    FrameSize {
-        n_nodes: scene.nodes.len(),
-        n_springs: scene.springs.len(),
-    }
-}
-
 fn spring_nodes(scene: &Scene) -> Vec<[usize; 2]> {
     scene.springs.iter().map(|spring| spring.nodes).collect()
 }
@@ -101,19 +99,16 @@ fn find_finished(
     path: &Path,
     size: FrameSize,
     mark: &FileMark,
-) -> Result<FrameFile<'static>, ContinueError> {
+) -> Result<FrameFile, ContinueError> {
     let changed = || ContinueError::Changed {
         path: path.to_owned(),
     };
     let mut found = match open_npz(path) {
         Ok(found) if found.size == size => found,
         Ok(_) | Err(NpzError::Other { .. }) => return Err(changed()),
-        Err(NpzError::Read { source, .. }) if source.kind() == ErrorKind::NotFound => {
-            return Err(ContinueError::Missing {
-                path: path.to_owned(),
-            });
+        Err(NpzError::Read { source, .. }) => {
+            return Err(ContinueError::of_reading(path, source));
         }
-        Err(NpzError::Read { source, .. }) => return Err(failure(path)(source).into()),
     };
     let n_frames = (mark.n_bytes / size.n_bytes()) as usize;
     if found.n_frames < n_frames {
@@ -134,7 +129,7 @@ fn find_finished(
 }
 
 /// Starts a file with all of these frames.
-fn copy(mut frames: FrameFile<'_>, path: &Path, mark: FileMark) -> Result<GrowingFile, WriteError> {
+fn copy(mut frames: FrameFile, path: &Path, mark: FileMark) -> Result<GrowingFile, WriteError> {
     let mut file = GrowingFile::begin(path)?;
     for frame in 0..frames.n_frames {
         let mut frame_bytes = Vec::new();
@@ -187,13 +182,14 @@ impl Sink for Frames {
         } = *self;
         file.finish_as(|grown, out| {
             let n_frames = (grown.metadata()?.len() / size.n_bytes()) as usize;
-            write_npz(FrameFile::of_frames(grown, size, n_frames), &springs, out)
+            let frames = FrameFile::of_frames(grown.try_clone()?, size, n_frames);
+            write_npz(frames, &springs, out)
         })
     }
 }
 
 fn write_npz(
-    mut frames: FrameFile<'_>,
+    mut frames: FrameFile,
     springs: &[[usize; 2]],
     out: &mut (impl Write + Seek),
 ) -> io::Result<()> {
@@ -269,7 +265,7 @@ pub enum NpzError {
 /// # Errors
 ///
 /// If it cannot be read or is something else.
-pub fn open_npz(path: &Path) -> Result<FrameFile<'static>, NpzError> {
+pub fn open_npz(path: &Path) -> Result<FrameFile, NpzError> {
     let read = |source| NpzError::Read {
         path: path.to_owned(),
         source,
@@ -334,7 +330,7 @@ fn array_of(start: u64, n_bytes: u64, bytes: &[u8]) -> Option<Array> {
     })
 }
 
-fn frames_of(file: File, arrays: &[Array]) -> Option<FrameFile<'static>> {
+fn frames_of(file: File, arrays: &[Array]) -> Option<FrameFile> {
     let [time, position, _, length, _] = arrays else {
         return None;
     };

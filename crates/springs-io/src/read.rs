@@ -9,8 +9,8 @@ use crate::springs::{Inputs, damp, springs};
 use crate::syntax;
 use ron::extensions::Extensions;
 use springs_scene::{
-    Guide, Load, Method, Node, OverTime, Path as ScenePath, Problem, Rayleigh, RunOptions, Scene,
-    Settings, StepControl, printable,
+    Guide, Load, Method, NamedMotion, Node, OverTime, Path as ScenePath, Problem, Rayleigh,
+    RunOptions, Scene, Settings, StepControl, printable,
 };
 use std::fmt;
 use std::io::{self, Read};
@@ -55,7 +55,8 @@ pub enum SceneError {
     Wrong {
         /// The file.
         file: String,
-        /// Everything that is wrong, in the order of the scene; not empty.
+        /// What is wrong: first of what fields say together, such as a spring without a
+        /// stiffness, and where that is right of the scene; the first hundred of these.
         findings: Vec<Finding>,
     },
 }
@@ -113,6 +114,33 @@ impl Finding {
             message,
             advice,
             excerpt: excerpt(text, place),
+        }
+    }
+}
+
+/// What is wrong in a text, as far as it was found: of more than [`MOST_FINDINGS`] the
+/// first. Each takes a look through the text.
+pub(crate) struct Findings<'a> {
+    text: &'a str,
+    found: Vec<Finding>,
+}
+
+/// More than these help nobody.
+const MOST_FINDINGS: usize = 100;
+
+impl<'a> Findings<'a> {
+    fn new(text: &'a str) -> Self {
+        Self {
+            text,
+            found: Vec::new(),
+        }
+    }
+
+    /// Adds one, see [`Finding::at`].
+    pub(crate) fn push(&mut self, path: ScenePath, message: String, advice: Option<&str>) {
+        if self.found.len() < MOST_FINDINGS {
+            let finding = Finding::at(self.text, path, message, advice);
+            self.found.push(finding);
         }
     }
 }
@@ -231,7 +259,7 @@ const PIECE: u64 = 1 << 20;
 /// # Errors
 ///
 /// If the text is not a sound scene: the first fault of its syntax, or
-/// everything that is wrong with the scene it describes.
+/// [what is wrong](SceneError::Wrong) with the scene it describes.
 pub fn parse_scene(file: &str, text: &str) -> Result<(Scene, RunOptions), SceneError> {
     let (scene, options, _) = parse_scene_with_inputs(file, text)?;
     Ok((scene, options))
@@ -270,10 +298,10 @@ pub fn parse_scene_with_inputs(
     let twice: Vec<_> = twice
         .map(|(node, _)| Problem::FixedAndGuided { node })
         .collect();
-    let mut findings = Vec::new();
-    let (scene, law_places, inputs) = scene(entries, (file, text), &mut findings);
-    if !findings.is_empty() {
-        return Err(wrong(findings));
+    let mut findings = Findings::new(text);
+    let (scene, law_places, inputs) = scene(entries, file, &mut findings);
+    if !findings.found.is_empty() {
+        return Err(wrong(findings.found));
     }
     let mut problems = scene.problems();
     problems.retain(|problem| !twice.contains(problem));
@@ -282,14 +310,14 @@ pub fn parse_scene_with_inputs(
     if problems.is_empty() {
         return Ok((scene, options, inputs));
     }
-    let findings = problems.iter().map(|problem| {
+    for problem in problems {
         let path = match problem.path() {
             ScenePath::Law(law) => law_places[law],
             path => path,
         };
-        Finding::at(text, path, problem.to_string(), problem.advice())
-    });
-    Err(wrong(findings.take(MOST_FINDINGS).collect()))
+        findings.push(path, problem.to_string(), problem.advice());
+    }
+    Err(wrong(findings.found))
 }
 
 /// Some editors begin a file with a byte order mark.
@@ -297,28 +325,20 @@ fn without_mark(text: &str) -> &str {
     text.strip_prefix('\u{feff}').unwrap_or(text)
 }
 
-/// More than these help nobody.
-const MOST_FINDINGS: usize = 100;
-
 /// The scene, where the file has its laws, and how it gives its springs.
 fn scene(
     file: SceneFile,
-    at: (&str, &str),
-    findings: &mut Vec<Finding>,
+    name: &str,
+    findings: &mut Findings<'_>,
 ) -> (Scene, Vec<ScenePath>, Inputs) {
-    let text = at.1;
-    let (motions, followed) = motions(file.motions.0, &file.nodes.0, at, findings);
-    let nodes = file.nodes.0.into_iter().zip(followed);
-    let nodes: Vec<Node> = nodes
-        .map(|(entry, motion)| Node {
-            motion,
-            ..node(entry)
-        })
-        .collect();
-    let resolved = springs(file.springs.0, &file.materials.0, &nodes, text, findings);
-    let groups = groups(file.groups.0, nodes.len(), text, findings);
+    let motions = motions(file.motions.0, name, findings);
+    let nodes = file.nodes.0.into_iter().enumerate();
+    let nodes = nodes.map(|(index, entry)| node(index, entry, &motions, findings));
+    let nodes: Vec<Node> = nodes.collect();
+    let resolved = springs(file.springs.0, &file.materials.0, &nodes, findings);
+    let groups = groups(file.groups.0, nodes.len(), findings);
     let loads = file.loads.0.into_iter().enumerate();
-    let loads = loads.map(|(index, entry)| load(index, entry, &groups, text, findings));
+    let loads = loads.map(|(index, entry)| load(index, entry, &groups, findings));
     let loads = loads.collect();
     let mut scene = Scene {
         motions,
@@ -335,7 +355,7 @@ fn scene(
         },
         settings: settings(file.simulation),
     };
-    damp(&resolved.ratios, &mut scene, text, findings);
+    damp(&resolved.ratios, &mut scene, findings);
     (scene, resolved.law_places, resolved.inputs)
 }
 
@@ -345,8 +365,7 @@ type Group = (String, Vec<usize>);
 fn groups(
     entries: Vec<(String, List<NodeIndex>)>,
     n_nodes: usize,
-    text: &str,
-    findings: &mut Vec<Finding>,
+    findings: &mut Findings<'_>,
 ) -> Vec<Group> {
     let mut groups = Vec::with_capacity(entries.len());
     for (index, (name, nodes)) in entries.into_iter().enumerate() {
@@ -356,15 +375,30 @@ fn groups(
             let message =
                 format!("group `{name}` has node {missing}, but the scene has {n_nodes} of them");
             let advice = Some("nodes are counted from 0");
-            findings.push(Finding::at(text, ScenePath::Group(index), message, advice));
+            findings.push(ScenePath::Group(index), message, advice);
         }
         groups.push((name, nodes));
     }
     groups
 }
 
+/// The index of what has a name; one that nothing has is added to `findings`.
+pub(crate) fn find_named<'a>(
+    what: &str,
+    name: &str,
+    known: impl Iterator<Item = &'a str> + Clone,
+    path: ScenePath,
+    findings: &mut Findings<'_>,
+) -> Option<usize> {
+    let found = known.clone().position(|known| known == name);
+    if found.is_none() {
+        findings.push(path, no_such(what, name, known), None);
+    }
+    found
+}
+
 /// "there is no material `a`; known are b, c".
-pub(crate) fn no_such<'a>(what: &str, name: &str, known: impl Iterator<Item = &'a str>) -> String {
+fn no_such<'a>(what: &str, name: &str, known: impl Iterator<Item = &'a str>) -> String {
     let known: Vec<String> = known.map(printable).collect();
     let known = match known.is_empty() {
         true => "the scene has none".to_owned(),
@@ -373,8 +407,18 @@ pub(crate) fn no_such<'a>(what: &str, name: &str, known: impl Iterator<Item = &'
     format!("there is no {what} `{}`; {known}", printable(name))
 }
 
-fn node(entry: NodeEntry) -> Node {
+fn node(
+    index: usize,
+    entry: NodeEntry,
+    motions: &[NamedMotion],
+    findings: &mut Findings<'_>,
+) -> Node {
     let held = entry.fixed.0;
+    let motion = entry.motion.and_then(|name| {
+        let known = motions.iter().map(|motion| motion.name.as_str());
+        let path = ScenePath::Node(index, Some("motion"));
+        find_named("motion", &name, known, path, findings)
+    });
     let along = entry
         .slides
         .map(|direction| Guide::Along(vector(direction)));
@@ -387,30 +431,20 @@ fn node(entry: NodeEntry) -> Node {
             [true, true, true] | [false, false, false] => along,
             axes => Some(Guide::Held(axes)),
         },
-        motion: None,
+        motion,
         drag: entry.drag.map(|real| real.0),
     }
 }
 
-fn load(
-    index: usize,
-    entry: LoadEntry,
-    groups: &[Group],
-    text: &str,
-    findings: &mut Vec<Finding>,
-) -> Load {
+fn load(index: usize, entry: LoadEntry, groups: &[Group], findings: &mut Findings<'_>) -> Load {
     let nodes = match entry.nodes {
         NodesEntry::Indices(nodes) => nodes,
-        NodesEntry::Group(name) => match groups.iter().find(|(known, _)| *known == name) {
-            Some((_, nodes)) => nodes.clone(),
-            None => {
-                let known = groups.iter().map(|(name, _)| name.as_str());
-                let message = no_such("group", &name, known);
-                let path = ScenePath::Load(index, Some("nodes"));
-                findings.push(Finding::at(text, path, message, None));
-                Vec::new()
-            }
-        },
+        NodesEntry::Group(name) => {
+            let known = groups.iter().map(|(name, _)| name.as_str());
+            let path = ScenePath::Load(index, Some("nodes"));
+            let found = find_named("group", &name, known, path, findings);
+            found.map_or(Vec::new(), |group| groups[group].1.clone())
+        }
     };
     Load {
         nodes,

@@ -297,7 +297,6 @@ impl<'de> Deserialize<'de> for NodesEntry {
 }
 
 /// `(a, b, c)` or `[a, b, c]`.
-#[derive(Clone)]
 pub(crate) struct Tuple<const N: usize, T>(pub(crate) [T; N]);
 
 impl<const N: usize, T: Copy + Default> Default for Tuple<N, T> {
@@ -381,7 +380,6 @@ impl<'de, T: Deserialize<'de>> Deserialize<'de> for ByName<T> {
 }
 
 /// `[a, b, …]` or `(a, b, …)`.
-#[derive(Clone)]
 pub(crate) struct List<T>(pub(crate) Vec<T>);
 
 impl<T> Default for List<T> {

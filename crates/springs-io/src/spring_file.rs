@@ -58,74 +58,52 @@ struct SpringFields {
 impl From<SpringFields> for SpringEntry {
     fn from(fields: SpringFields) -> Self {
         let number = |real: Option<Real>| real.map(|real| real.0);
-        let SpringFields {
-            nodes,
-            stiffness,
-            rest_length,
-            mass,
-            damping,
-            material,
-            pretension,
-            prestrain,
-            force_density,
-            axial_stiffness,
-            modulus,
-            area,
-            diameter,
-            mass_per_length,
-            density,
-            damping_ratio,
-            law,
-            breaks_at,
-            broken,
-            yielded,
-        } = fields;
         let numbers = [
-            pretension,
-            prestrain,
-            force_density,
-            axial_stiffness,
-            modulus,
-            area,
-            diameter,
-            mass_per_length,
-            density,
-            damping_ratio,
-            yielded,
+            fields.pretension,
+            fields.prestrain,
+            fields.force_density,
+            fields.axial_stiffness,
+            fields.modulus,
+            fields.area,
+            fields.diameter,
+            fields.mass_per_length,
+            fields.density,
+            fields.damping_ratio,
+            fields.yielded,
         ];
-        let has_more = material.is_some()
-            || law.is_some()
-            || breaks_at.is_some()
-            || broken.is_some()
+        let has_more = fields.material.is_some()
+            || fields.law.is_some()
+            || fields.breaks_at.is_some()
+            || fields.broken.is_some()
             || numbers.iter().any(Option::is_some);
         let more = has_more.then(|| {
             Box::new(More {
-                material,
-                pretension: number(pretension),
-                prestrain: number(prestrain),
-                force_density: number(force_density),
-                broken: broken.unwrap_or(false),
-                yielded: number(yielded).unwrap_or(0.0),
+                material: fields.material,
+                pretension: number(fields.pretension),
+                prestrain: number(fields.prestrain),
+                force_density: number(fields.force_density),
+                broken: fields.broken.unwrap_or(false),
+                yielded: number(fields.yielded).unwrap_or(0.0),
                 properties: MaterialEntry {
-                    axial_stiffness,
-                    modulus,
-                    area,
-                    diameter,
-                    mass_per_length,
-                    density,
+                    axial_stiffness: fields.axial_stiffness,
+                    modulus: fields.modulus,
+                    area: fields.area,
+                    diameter: fields.diameter,
+                    mass_per_length: fields.mass_per_length,
+                    density: fields.density,
                     damping: None,
-                    damping_ratio,
-                    law,
-                    breaks_at,
+                    damping_ratio: fields.damping_ratio,
+                    law: fields.law,
+                    breaks_at: fields.breaks_at,
                 },
             })
         });
         Self {
-            nodes: nodes.0.map(|index| index.0),
-            stiffness: number(stiffness),
-            rest_length: number(rest_length),
-            mass: number(mass),
-            damping: number(damping),
+            nodes: fields.nodes.0.map(|index| index.0),
+            stiffness: number(fields.stiffness),
+            rest_length: number(fields.rest_length),
+            mass: number(fields.mass),
+            damping: number(fields.damping),
             more,
         }
     }
@@ -166,7 +144,7 @@ impl LimitEntry {
     }
 }
 
-#[derive(Clone, Deserialize)]
+#[derive(Deserialize)]
 #[serde(deny_unknown_fields, rename = "Law")]
 pub(crate) enum LawEntry {
     Linear,

@@ -1,7 +1,7 @@
 //! Springs of a scene file: from what engineers know of them, EA, materials,
 //! pretension and damping ratios, to K, l₀, m and c.
 
-use crate::read::{Finding, no_such};
+use crate::read::{Findings, find_named};
 use crate::scene_file::Real;
 use crate::spring_file::{LawEntry, LimitEntry, MaterialEntry, More, SpringEntry};
 use springs_scene::{
@@ -54,13 +54,11 @@ pub(crate) fn springs(
     entries: Vec<SpringEntry>,
     materials: &[(String, MaterialEntry)],
     nodes: &[Node],
-    text: &str,
-    findings: &mut Vec<Finding>,
+    findings: &mut Findings<'_>,
 ) -> Resolved {
     let mut reader = SpringReader {
         materials,
         nodes,
-        text,
         findings,
         material_laws: Vec::with_capacity(materials.len()),
         known_laws: BTreeMap::new(),
@@ -93,12 +91,7 @@ pub(crate) fn springs(
 }
 
 /// Turns damping ratios of springs into dampings, now that nodes have all their masses.
-pub(crate) fn damp(
-    ratios: &[(usize, f64)],
-    scene: &mut Scene,
-    text: &str,
-    findings: &mut Vec<Finding>,
-) {
+pub(crate) fn damp(ratios: &[(usize, f64)], scene: &mut Scene, findings: &mut Findings<'_>) {
     let exists = |spring: &Spring| spring.nodes.iter().all(|&node| node < scene.nodes.len());
     if ratios.is_empty() || !scene.springs.iter().all(exists) {
         return;
@@ -125,7 +118,7 @@ pub(crate) fn damp(
         };
         let path = Path::Spring(index, Some("damping_ratio"));
         let advice = "give the spring a damping, in N·s/m";
-        findings.push(Finding::at(text, path, message, Some(advice)));
+        findings.push(path, message, Some(advice));
     }
 }
 
@@ -148,11 +141,10 @@ impl Owner {
 /// A field that is given, and its value.
 type Given = Option<(&'static str, f64)>;
 
-struct SpringReader<'a> {
+struct SpringReader<'a, 't> {
     materials: &'a [(String, MaterialEntry)],
     nodes: &'a [Node],
-    text: &'a str,
-    findings: &'a mut Vec<Finding>,
+    findings: &'a mut Findings<'t>,
     /// The law of each material.
     material_laws: Vec<Option<usize>>,
     /// Laws that springs of their own may share, by their text.
@@ -164,10 +156,9 @@ const OTHERWISE: &str = "leave out one of them";
 const HOW_STIFF: &str =
     "give it stiffness in N/m, EA in N, E in Pa with area or diameter, or a material that has it";
 
-impl SpringReader<'_> {
+impl SpringReader<'_, '_> {
     fn find(&mut self, path: Path, message: String, advice: Option<&str>) {
-        let finding = Finding::at(self.text, path, message, advice);
-        self.findings.push(finding);
+        self.findings.push(path, message, advice);
     }
 
     fn words(&self, owner: Owner) -> String {
@@ -277,13 +268,9 @@ impl SpringReader<'_> {
 
     /// The material of a spring, by its index.
     fn material(&mut self, index: usize, name: &str) -> Option<usize> {
-        let found = self.materials.iter().position(|(known, _)| known == name);
-        if found.is_none() {
-            let known = self.materials.iter().map(|(name, _)| name.as_str());
-            let message = no_such("material", name, known);
-            self.find(Path::Spring(index, Some("material")), message, None);
-        }
-        found
+        let known = self.materials.iter().map(|(name, _)| name.as_str());
+        let path = Path::Spring(index, Some("material"));
+        find_named("material", name, known, path, self.findings)
     }
 
     /// The law of a spring: its own or that of its material.

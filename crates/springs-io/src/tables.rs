@@ -12,7 +12,8 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum TableError {
-    /// The file cannot be read, or its numbers find no room beside it.
+    /// The file cannot be read, or there is no room for its numbers among temporary
+    /// files.
     #[error("cannot read {}: {source}", path.display())]
     Read {
         /// The file.
@@ -121,7 +122,7 @@ impl Rows {
 /// # Errors
 ///
 /// If a table is not there or not of a scene of this size.
-pub fn read_tables(folder: &Path, size: FrameSize) -> Result<FrameFile<'static>, TableError> {
+pub fn read_tables(folder: &Path, size: FrameSize) -> Result<FrameFile, TableError> {
     let mut nodes = Rows::open(folder, &TRAJECTORY, "node")?;
     let mut springs = Rows::open(folder, &SPRINGS, "spring")?;
     let mut states: [Vec<f64>; 6] = Default::default();
@@ -149,7 +150,7 @@ pub fn read_tables(folder: &Path, size: FrameSize) -> Result<FrameFile<'static>,
     }
     let file = out.into_inner();
     let file = file.map_err(|error| nodes.failure(error.into_error()))?;
-    Ok(FrameFile::of_own_frames(file, size, n_frames))
+    Ok(FrameFile::of_frames(file, size, n_frames))
 }
 
 #[cfg(test)]
@@ -162,7 +163,7 @@ mod tests {
         n_springs: 1,
     };
 
-    fn read(nodes: &str, springs: &str) -> Result<FrameFile<'static>, String> {
+    fn read(nodes: &str, springs: &str) -> Result<FrameFile, String> {
         let folder = tempfile::tempdir().unwrap();
         for (table, rows) in [(&TRAJECTORY, nodes), (&SPRINGS, springs)] {
             let text = format!("{}\n{rows}", table.header);

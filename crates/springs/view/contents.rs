@@ -3,7 +3,7 @@
 use super::quantized::{Deflated, Packed, Quantized, Ranges};
 use nalgebra::Vector3;
 use serde::Serialize;
-use springs_io::{FrameFile, Quantity};
+use springs_io::{FrameFile, Quantity, strain};
 use springs_scene::{Scene, Spring};
 use std::io;
 
@@ -41,14 +41,14 @@ impl Shown {
 
 /// Frames of a scene as they are shown.
 pub(super) struct Shows<'a> {
-    frames: FrameFile<'static>,
+    frames: FrameFile,
     scene: &'a Scene,
     numbers: Vec<f64>,
 }
 
 impl<'a> Shows<'a> {
     /// Of frames of this scene.
-    pub(super) fn new(frames: FrameFile<'static>, scene: &'a Scene) -> Self {
+    pub(super) fn new(frames: FrameFile, scene: &'a Scene) -> Self {
         Self {
             frames,
             scene,
@@ -76,7 +76,7 @@ impl<'a> Shows<'a> {
             Shown::Strain => {
                 frames.read(Quantity::Length, frame, numbers)?;
                 let lengths = numbers.iter().zip(&self.scene.springs);
-                to.extend(lengths.map(|(length, spring)| strain(spring, *length)));
+                to.extend(lengths.map(|(length, spring)| strain(spring, *length).unwrap_or(0.0)));
             }
         }
         if to.iter().all(|number| number.is_finite()) {
@@ -100,15 +100,6 @@ impl<'a> Shows<'a> {
             }
         }
         Ok(points)
-    }
-}
-
-/// Zero where the rest length is.
-fn strain(spring: &Spring, length: f64) -> f64 {
-    if spring.rest_length > 0.0 {
-        (length - spring.rest_length) / spring.rest_length
-    } else {
-        0.0
     }
 }
 
@@ -299,6 +290,7 @@ fn kept(n_frames: usize, stride: usize) -> Vec<usize> {
 pub(super) struct Array {
     #[serde(flatten)]
     pub(super) packed: Packed,
+    #[serde(skip)]
     bits: u32,
     error: f64,
 }

@@ -6,9 +6,7 @@ mod quantized;
 
 pub use page::{ViewError, page_of, write_page};
 
-use springs_io::{
-    ContinueError, Mark, ResumeSink, RunEnd, RunPlan, Sink, SinkKind, WriteError, write_whole,
-};
+use springs_io::{ContinueError, Mark, ResumeSink, RunEnd, RunPlan, Sink, SinkKind, WriteError};
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -64,11 +62,11 @@ impl Sink for AtTheEnd {
     }
 
     fn finish(self: Box<Self>, end: &RunEnd<'_>) -> Result<(), WriteError> {
-        let path = self.folder.join(FILE);
-        match page_of(&self.folder, end.scene) {
-            Ok(page) => write_whole(&path, page.as_bytes()),
+        match write_page(&self.folder, end.scene) {
+            Ok(_) => Ok(()),
+            Err(ViewError::Write(error)) => Err(error),
             Err(error) => Err(WriteError {
-                path,
+                path: self.folder.join(FILE),
                 source: io::Error::other(error),
             }),
         }

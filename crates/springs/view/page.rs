@@ -5,7 +5,10 @@ use super::contents::{Arrays, Shows, Survey, pack_springs};
 use super::quantized::base64;
 use crate::filmstrip::{axes, up_of};
 use serde::Serialize;
-use springs_io::{FrameSize, NpzError, TableError, WriteError, open_npz, read_tables, write_whole};
+use springs_io::{
+    ENERGIES, FrameSize, Npz, NpzError, SPRINGS, TRAJECTORY, Table, TableError, WriteError,
+    open_npz, read_tables, write_whole,
+};
 use springs_scene::{Guide, Node, Scene};
 use std::fmt::Write as _;
 use std::io::{self, ErrorKind};
@@ -29,16 +32,15 @@ const FEW_SPRINGS: usize = 10_000;
 /// Bytes for energies, times, styles and scripts.
 const ROOM_FOR_OTHERS: usize = 300_000;
 
-const ENERGIES: &str = "energy.csv";
-const FRAMES: &str = "trajectory.npz";
-const TABLES: [&str; 2] = ["trajectory.csv", "springs.csv"];
+/// What frames are made of where there is no [`Npz`].
+static TABLES: [&Table; 2] = [&TRAJECTORY, &SPRINGS];
 
 /// A page cannot be made.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ViewError {
     /// The folder has no frames.
-    #[error("{} has neither {FRAMES} nor {} with {} to show", folder.display(), TABLES[0], TABLES[1])]
+    #[error("{} has neither {} nor {} with {} to show", folder.display(), Npz::FILE, TABLES[0].file, TABLES[1].file)]
     NoFrames {
         /// The folder.
         folder: PathBuf,
@@ -86,15 +88,13 @@ pub fn write_page(folder: &Path, scene: &Scene) -> Result<PathBuf, ViewError> {
 ///
 /// If it cannot be made.
 pub fn page_of(folder: &Path, scene: &Scene) -> Result<String, ViewError> {
-    let size = FrameSize {
-        n_nodes: scene.nodes.len(),
-        n_springs: scene.springs.len(),
-    };
-    let path = folder.join(FRAMES);
-    let frames = if path.exists() {
-        open_npz(&path)?
-    } else if TABLES.iter().all(|table| folder.join(table).exists()) {
-        read_tables(folder, size)?
+    let size = FrameSize::of(scene);
+    let [path, trajectory] = [Npz::FILE, TRAJECTORY.file].map(|file| folder.join(file));
+    let (path, frames) = if path.exists() {
+        let frames = open_npz(&path)?;
+        (path, frames)
+    } else if TABLES.iter().all(|table| folder.join(table.file).exists()) {
+        (trajectory, read_tables(folder, size)?)
     } else {
         let folder = folder.to_owned();
         return Err(ViewError::NoFrames { folder });
@@ -102,7 +102,7 @@ pub fn page_of(folder: &Path, scene: &Scene) -> Result<String, ViewError> {
     if frames.size() != size {
         return Err(ViewError::OtherScene { path });
     }
-    let energies = energies_of(&folder.join(ENERGIES))?;
+    let energies = energies_of(&folder.join(ENERGIES.file))?;
     let read = |source| ViewError::Read {
         path: path.clone(),
         source,

@@ -47,7 +47,8 @@ impl SinkKind for Vtu {
 
     fn begin(&self, folder: &Path, plan: &RunPlan<'_>) -> Result<Box<dyn Sink>, WriteError> {
         let series = GrowingSeries::begin(&folder.join(FOLDER))?;
-        Ok(Box::new(Grids::new(series, plan.scene)))
+        let start = start_positions(plan.scene);
+        Ok(Box::new(Grids { series, start }))
     }
 
     fn resume(
@@ -58,9 +59,10 @@ impl SinkKind for Vtu {
     ) -> Result<ResumeSink, ContinueError> {
         let mark: SeriesMark = mark.read(LIST)?;
         let found = GrowingSeries::find(&folder.join(FOLDER), mark)?;
-        let scene = plan.scene.clone();
+        let start = start_positions(plan.scene);
         Ok(Box::new(move || {
-            Ok(Box::new(Grids::new(found.go_on()?, &scene)))
+            let series = found.go_on()?;
+            Ok(Box::new(Grids { series, start }))
         }))
     }
 }
@@ -71,14 +73,9 @@ struct Grids {
     start: Vec<Vector3<f64>>,
 }
 
-impl Grids {
-    fn new(series: GrowingSeries, scene: &Scene) -> Self {
-        let start = (0..scene.nodes.len()).map(|node| scene.start_position(node));
-        Self {
-            series,
-            start: start.collect(),
-        }
-    }
+fn start_positions(scene: &Scene) -> Vec<Vector3<f64>> {
+    let nodes = 0..scene.nodes.len();
+    nodes.map(|node| scene.start_position(node)).collect()
 }
 
 impl Sink for Grids {

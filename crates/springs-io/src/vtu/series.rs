@@ -5,7 +5,7 @@ use crate::atomic::{DRAFT, Draft, WriteError, failure};
 use crate::growing::{ContinueError, as_text, part_of};
 use serde::{Deserialize, Serialize};
 use std::fs::File;
-use std::io::{self, ErrorKind, Read as _, Seek as _, SeekFrom, Write};
+use std::io::{self, Read as _, Seek as _, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
@@ -237,10 +237,8 @@ fn check(folder: &Path, mark: &SeriesMark) -> Result<(), ContinueError> {
     let (mut sum, mut n_bytes) = (crc32fast::Hasher::new(), 0);
     for index in 0..mark.files {
         let path = folder.join(file_name(index));
-        let bytes = std::fs::read(&path).map_err(|error| match error.kind() {
-            ErrorKind::NotFound => ContinueError::Missing { path: path.clone() },
-            _ => failure(&path)(error).into(),
-        })?;
+        let read = std::fs::read(&path);
+        let bytes = read.map_err(|error| ContinueError::of_reading(&path, error))?;
         sum.update(&bytes);
         n_bytes += bytes.len() as u64;
         if n_bytes > mark.bytes {
