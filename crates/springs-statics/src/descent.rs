@@ -1,6 +1,6 @@
 //! Downhill to where forces are balanced.
 
-use crate::equations::{Equations, Potential, largest, numbers_mut};
+use crate::equations::{Equations, Potential, largest, numbers_mut, vectors};
 use crate::{Options, StaticsError};
 use nalgebra::Vector3;
 use springs_assembly::Projection;
@@ -107,14 +107,20 @@ impl<'a> Descent<'a> {
     pub(crate) fn is_balanced(&mut self, x: &[Vector3<f64>]) -> Result<bool, StaticsError> {
         let forces = self.equations.forces(x);
         self.check(&forces)?;
-        self.equations.linearize(x, None, Projection::None);
+        self.linearize(x);
         Ok(self.equations.is_balanced(x, &forces))
     }
 
-    fn check(&self, forces: &[Vector3<f64>]) -> Result<(), StaticsError> {
+    /// Ends if it is asked to stop.
+    pub(crate) fn hear(&self) -> Result<(), StaticsError> {
         if self.options.interrupt.is_requested() {
             return Err(SolveError::Interrupted.into());
         }
+        Ok(())
+    }
+
+    fn check(&self, forces: &[Vector3<f64>]) -> Result<(), StaticsError> {
+        self.hear()?;
         let (block, size) = largest(forces);
         if size.is_finite() {
             return Ok(());
@@ -170,7 +176,7 @@ impl<'a> Descent<'a> {
         let mut done = false;
         while self.iterations < self.options.most_iterations {
             self.check(&at.forces)?;
-            self.equations.linearize(&at.x, None, Projection::None);
+            self.linearize(&at.x);
             done = self.equations.is_balanced(&at.x, &at.forces);
             if done {
                 break;
@@ -381,10 +387,11 @@ impl<'a> Descent<'a> {
             }
             least = left;
             x.copy_from_slice(&next);
-            self.inertia(&next)?;
+            self.linearize(&next);
             if self.equations.is_balanced(x, &forces) {
                 return Ok(true);
             }
+            self.factorize_stiffness()?;
             self.iterations += 1;
             let mut d = forces;
             self.indefinite.solve_in_place(numbers_mut(&mut d))?;
@@ -435,12 +442,22 @@ impl<'a> Descent<'a> {
 
     /// Pivots of the stiffness at x.
     pub(crate) fn inertia(&mut self, x: &[Vector3<f64>]) -> Result<Inertia, StaticsError> {
+        self.linearize(x);
+        self.factorize_stiffness()
+    }
+
+    /// Takes the stiffness at x as it is.
+    pub(crate) fn linearize(&mut self, x: &[Vector3<f64>]) {
         self.equations.linearize(x, None, Projection::None);
+    }
+
+    /// Makes a factor of the stiffness that was taken last, and counts its pivots.
+    pub(crate) fn factorize_stiffness(&mut self) -> Result<Inertia, StaticsError> {
         let (diagonal, off_diagonal) = (self.equations.diagonal(), self.equations.off_diagonal());
         Ok(self.indefinite.set_matrix(diagonal, off_diagonal)?)
     }
 
-    /// The factor of the last [`Self::inertia`].
+    /// The factor of the last [`Self::factorize_stiffness`].
     pub(crate) fn factor(&self) -> &Indefinite {
         &self.indefinite
     }
@@ -449,22 +466,16 @@ impl<'a> Descent<'a> {
     /// nearby; `None` if energies do not tell one.
     pub(crate) fn beside(&self, x: &[Vector3<f64>]) -> Option<Vec<Vector3<f64>>> {
         let at = self.equations.potential(x);
-        let directions = self.indefinite.negative_directions().take(1);
-        let mut tried = Vec::new();
-        for direction in directions {
-            for exponent in 2..8 {
-                for sign in [1.0, -1.0] {
-                    let length = sign * self.size * 0.1f64.powi(exponent);
-                    let mut beside = x.to_vec();
-                    let moves = direction.as_chunks::<3>().0.iter();
-                    for (x, d) in beside.iter_mut().zip(moves) {
-                        *x += Vector3::from(*d) * length;
-                    }
-                    tried.push(beside);
-                }
+        let direction = self.indefinite.negative_directions().next()?;
+        let lengths = (2..8).flat_map(|exponent| {
+            let length = self.size * 0.1f64.powi(exponent);
+            [length, -length]
+        });
+        let lower = lengths.filter_map(|length| {
+            let mut x = x.to_vec();
+            for (x, d) in x.iter_mut().zip(vectors(&direction)) {
+                *x += d * length;
             }
-        }
-        let lower = tried.into_iter().filter_map(|x| {
             let energy = self.equations.potential(&x).energy;
             (energy < at.energy - at.rounding).then_some((energy, x))
         });

@@ -220,11 +220,7 @@ impl<'a> Equations<'a> {
         let mut solver =
             springs_solver::Indefinite::analyze(self.n_free(), pairs, Some(positions))?;
         // Slack cables have none of the stiffness that they may have.
-        let mut bounds = self.system.stiffness_bounds();
-        for bound in bounds.iter_mut().filter(|bound| !bound.is_finite()) {
-            *bound = 0.0;
-        }
-        solver.set_sizes(&bounds);
+        solver.set_sizes(&self.bounds);
         Ok(solver)
     }
 
@@ -254,7 +250,7 @@ fn largest_entry(block: &[f64; 6]) -> f64 {
     block.iter().fold(0.0, |most, entry| most.max(entry.abs()))
 }
 
-fn unpacked(packed: &[f64; 6]) -> Matrix3<f64> {
+pub(crate) fn unpacked(packed: &[f64; 6]) -> Matrix3<f64> {
     let mut whole = Matrix3::zeros();
     for (&(row, column), value) in PACKED.iter().zip(packed) {
         whole[(row, column)] = *value;
@@ -267,6 +263,13 @@ fn add(packed: &mut [f64; 6], block: &Matrix3<f64>) {
     for (value, &entry) in packed.iter_mut().zip(&PACKED) {
         *value += block[entry];
     }
+}
+
+/// What blocks have, by the nodes of the scene.
+pub(crate) fn in_node_order(system: &System, blocks: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
+    let mut nodes = vec![Vector3::zeros(); blocks.len()];
+    system.numbering().scatter(blocks, &mut nodes);
+    nodes
 }
 
 /// Vectors as plain numbers.

@@ -2,11 +2,11 @@
 
 use crate::StaticsError;
 use crate::descent::Descent;
-use crate::equations::{Equations, largest};
+use crate::equations::{Equations, in_node_order, largest, vectors};
 use nalgebra::Vector3;
 use springs_assembly::{System, compile};
 use springs_scene::{Scene, Start};
-use springs_solver::Interrupt;
+use springs_solver::{Inertia, Interrupt};
 
 /// How statics are computed. No result depends on threads.
 #[derive(Clone, Debug)]
@@ -14,7 +14,7 @@ use springs_solver::Interrupt;
 pub struct Options {
     /// Threads that may be used.
     pub threads: usize,
-    /// Iterations, of one matrix or two each, until it is given up.
+    /// Steps, of a few matrices each, until it is given up.
     pub most_iterations: usize,
     /// Asked to stop, it ends with an error.
     pub interrupt: Interrupt,
@@ -60,7 +60,9 @@ pub struct Equilibrium {
     pub negative_pivots: usize,
     /// Pivots that count as zero: up to 1e-11 of the stiffness at their node.
     pub zero_pivots: usize,
-    /// Newton iterations.
+    /// Whether forces were balanced at the start.
+    pub was_balanced: bool,
+    /// Steps towards it, and corrections up to rounding.
     pub iterations: usize,
     /// Of each spring, in N.
     pub tensions: Vec<f64>,
@@ -85,12 +87,12 @@ pub enum Status {
     Stable,
     /// It goes away in as many independent ways as there are negative pivots.
     Unstable {
-        /// The node that moves most in each of them, each node once.
+        /// The nodes that move most in the first ten of them, each node once.
         nodes: Vec<usize>,
     },
     /// It may go on as it is: there are motions that nothing resists.
     Mechanism {
-        /// The node that moves most in each of them, each node once.
+        /// The nodes that move most in the first ten of them, each node once.
         nodes: Vec<usize>,
     },
 }
@@ -162,28 +164,28 @@ pub fn settle_system(system: &System, options: &Options) -> Result<Equilibrium, 
     if !is_start {
         descent.run(&mut x)?;
     }
-    for _ in 0..MOST_ESCAPES {
+    let mut escapes = 0..MOST_ESCAPES;
+    let inertia = loop {
         descent.refine(&mut x)?;
         let inertia = descent.inertia(&x)?;
-        if is_start || inertia.negative == 0 {
-            break;
+        if is_start || inertia.negative == 0 || escapes.next().is_none() {
+            break inertia;
         }
         let Some(beside) = descent.beside(&x) else {
-            break;
+            break inertia;
         };
         x = beside;
         descent.run(&mut x)?;
-    }
-    judge(&mut descent, &x)
+    };
+    Ok(Equilibrium {
+        was_balanced: is_start,
+        ..judge(&descent, &x, inertia)
+    })
 }
 
-/// Says what kind of equilibrium there is at x.
-pub(crate) fn judge(
-    descent: &mut Descent<'_>,
-    x: &[Vector3<f64>],
-) -> Result<Equilibrium, StaticsError> {
+/// What kind of equilibrium there is at x, where pivots were counted last.
+fn judge(descent: &Descent<'_>, x: &[Vector3<f64>], inertia: Inertia) -> Equilibrium {
     let system = descent.equations.system;
-    let inertia = descent.inertia(x)?;
     let status = if inertia.negative > 0 {
         let nodes = moving_most(system, descent.factor().negative_directions());
         Status::Unstable { nodes }
@@ -193,9 +195,6 @@ pub(crate) fn judge(
     } else {
         Status::Stable
     };
-    let numbering = system.numbering();
-    let mut positions = vec![Vector3::zeros(); x.len()];
-    numbering.scatter(x, &mut positions);
     let mut tensions = Vec::new();
     system.each_tension(x, None, &mut |spring, tension| {
         if tensions.len() <= spring {
@@ -206,14 +205,15 @@ pub(crate) fn judge(
     let at_rest = vec![Vector3::zeros(); x.len()];
     let forces = system.support_forces(0.0, x, &at_rest, None);
     let reactions = forces.into_iter().map(|(block, force)| Reaction {
-        node: numbering.node(block),
+        node: system.numbering().node(block),
         force,
     });
     let mut reactions: Vec<Reaction> = reactions.collect();
     reactions.sort_by_key(|reaction| reaction.node);
-    Ok(Equilibrium {
-        positions,
+    Equilibrium {
+        positions: in_node_order(system, x),
         status,
+        was_balanced: false,
         residual: largest(&descent.equations.forces(x)).1,
         largest_force: descent.equations.largest_force(x),
         negative_pivots: inertia.negative,
@@ -221,13 +221,13 @@ pub(crate) fn judge(
         iterations: descent.iterations,
         tensions,
         reactions,
-    })
+    }
 }
 
 /// The nodes that move most in some directions, each once, in order.
 fn moving_most(system: &System, directions: impl Iterator<Item = Vec<f64>>) -> Vec<usize> {
     let nodes = directions.take(MOST_DIRECTIONS).map(|direction| {
-        let (block, _) = largest(crate::equations::vectors(&direction));
+        let (block, _) = largest(vectors(&direction));
         system.numbering().node(block)
     });
     let mut nodes: Vec<usize> = nodes.collect();

@@ -1,7 +1,7 @@
 //! Form finding by force densities.
 
 use crate::StaticsError;
-use crate::equations::numbers_mut;
+use crate::equations::{in_node_order, largest, numbers_mut, unpacked, vectors};
 use nalgebra::Vector3;
 use springs_assembly::{System, compile};
 use springs_scene::Scene;
@@ -61,7 +61,7 @@ pub fn form_of_densities(
     });
     let blocks: Vec<[f64; 6]> = blocks.collect();
     let off_diagonal = pairs.iter().map(|([a, b], q)| {
-        let product = whole(&along[*a as usize]) * whole(&along[*b as usize]) * -*q;
+        let product = unpacked(&along[*a as usize]) * unpacked(&along[*b as usize]) * -*q;
         let mut rows = [0.0; 9];
         rows.copy_from_slice(product.transpose().as_slice());
         rows
@@ -85,7 +85,7 @@ pub fn form_of_densities(
     let inertia = solver.set_matrix(&blocks, &off_diagonal)?;
     if inertia.zero > 0 {
         let direction = solver.zero_directions().next().unwrap_or_default();
-        let (block, _) = crate::equations::largest(crate::equations::vectors(&direction));
+        let (block, _) = largest(vectors(&direction));
         let node = numbering.node(block);
         return Err(StaticsError::NoForm { node });
     }
@@ -93,9 +93,7 @@ pub fn form_of_densities(
     for (x, moved) in x.iter_mut().zip(&rhs) {
         *x += moved;
     }
-    let mut positions = vec![Vector3::zeros(); x.len()];
-    numbering.scatter(&x, &mut positions);
-    Ok(positions)
+    Ok(in_node_order(&system, &x))
 }
 
 /// m g of the free blocks, in N.
@@ -116,8 +114,4 @@ fn projections(system: &System) -> Vec<[f64; 6]> {
     blocks
         .map(|((x, y), z)| [x.x, x.y, x.z, y.y, y.z, z.z])
         .collect()
-}
-
-fn whole([xx, xy, xz, yy, yz, zz]: &[f64; 6]) -> nalgebra::Matrix3<f64> {
-    nalgebra::Matrix3::new(*xx, *xy, *xz, *xy, *yy, *yz, *xz, *yz, *zz)
 }

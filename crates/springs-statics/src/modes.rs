@@ -1,6 +1,6 @@
 //! Vibrations about an equilibrium.
 
-use crate::equations::{Equations, largest, vectors};
+use crate::equations::{Equations, in_node_order, largest, vectors};
 use crate::{Options, StaticsError};
 use nalgebra::Vector3;
 use springs_assembly::{Projection, compile};
@@ -70,7 +70,6 @@ pub fn modes(scene: &Scene, count: usize, options: &Options) -> Result<Modes, St
     // One more, to see how far it is away.
     let pairs = problem.complete((count + 1).min(n_all), count)?;
 
-    let numbering = system.numbering();
     let mut modes = Modes {
         frequencies: Vec::new(),
         shapes: Vec::new(),
@@ -90,13 +89,11 @@ pub fn modes(scene: &Scene, count: usize, options: &Options) -> Result<Modes, St
         let shape = vectors(&pair.vector);
         let (block, size) = largest(shape);
         let scale = shape[block][shape[block].iamax()].signum() / size;
-        let mut blocks = vec![Vector3::zeros(); numbering.n_nodes()];
+        let mut blocks = vec![Vector3::zeros(); system.numbering().n_nodes()];
         for (scaled, shape) in blocks.iter_mut().zip(shape) {
             *scaled = shape * scale;
         }
-        let mut nodes = blocks.clone();
-        numbering.scatter(&blocks, &mut nodes);
-        modes.shapes.push(nodes);
+        modes.shapes.push(in_node_order(&system, &blocks));
     }
     Ok(modes)
 }

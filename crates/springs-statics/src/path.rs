@@ -1,7 +1,7 @@
 //! Equilibria as loads grow, past limit points.
 
 use crate::descent::Descent;
-use crate::equations::{Equations, numbers_mut};
+use crate::equations::{Equations, in_node_order, numbers_mut};
 use crate::{Options, StaticsError};
 use nalgebra::Vector3;
 use springs_assembly::compile;
@@ -189,15 +189,12 @@ impl Tracer<'_> {
     fn point(&self, at: &State, is_limit: bool) -> PathPoint {
         let moved = at.x.iter().zip(&self.start).map(|(x, start)| x - start);
         let work: f64 = self.loads.iter().zip(moved).map(|(f, u)| f.dot(&u)).sum();
-        let mut positions = vec![Vector3::zeros(); at.x.len()];
-        let numbering = self.descent.equations.system.numbering();
-        numbering.scatter(&at.x, &mut positions);
         PathPoint {
             factor: at.factor,
             displacement: work / self.total,
             negative_pivots: self.last_negative,
             is_limit,
-            positions,
+            positions: in_node_order(self.descent.equations.system, &at.x),
         }
     }
 
@@ -253,10 +250,12 @@ impl Tracer<'_> {
             if by_forces.iter().flatten().any(|force| !force.is_finite()) {
                 return Ok(None);
             }
-            self.descent.inertia(&at.x)?;
+            self.descent.hear()?;
+            self.descent.linearize(&at.x);
             if correction > 0 && self.descent.equations.is_balanced(&at.x, &by_forces) {
                 return Ok(Some((at, correction)));
             }
+            self.descent.factorize_stiffness()?;
             let mut by_loads = self.loads.clone();
             let factor = self.descent.factor();
             factor.solve_in_place(numbers_mut(&mut by_forces))?;

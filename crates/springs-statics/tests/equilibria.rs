@@ -466,3 +466,24 @@ fn slack_springs_that_only_pull_become_taut() {
         }
     }
 }
+
+/// What `settle` finds is what its system does; only the weight of fixed nodes is added.
+#[test]
+fn a_system_settles_as_its_scene_does() {
+    let scene = chain(5, DOWN, 9.81);
+    let of_scene = settled(&scene);
+    let system = springs_assembly::compile(&scene).unwrap();
+    let of_system = springs_statics::settle_system(&system, &Options::default()).unwrap();
+    assert_eq!(of_system.positions, of_scene.positions);
+    assert_eq!(of_system.tensions, of_scene.tensions);
+    let weight = 9.81 * scene.node_masses()[0];
+    let [on_system, on_scene] = [&of_system, &of_scene].map(|one| one.reactions[0].force.z);
+    assert!(
+        (on_scene - on_system - weight).abs() < 1e-12,
+        "{on_scene}, {on_system}"
+    );
+    // Hung up at its equilibrium, it is there already.
+    let mut hung = scene.clone();
+    of_scene.write_to(&mut hung);
+    assert!(settled(&hung).was_balanced && !of_scene.was_balanced);
+}

@@ -64,4 +64,5 @@ pub use run::part::Part;
 pub use run::simulation::{Simulation, Switch};
 pub use run::stepper::Stepper;
 pub use state::{NodeStates, State};
+pub use threads::threads;
 pub use work::{Counts, Phases, Work};

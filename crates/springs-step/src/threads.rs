@@ -8,8 +8,8 @@ use std::sync::LazyLock;
 static OF_MACHINE: LazyLock<usize> =
     LazyLock::new(|| std::thread::available_parallelism().map_or(1, NonZeroUsize::get));
 
-/// Threads that options mean; one at least.
-pub(crate) fn threads(options: &RunOptions) -> usize {
+/// Threads that options mean: so many as they say, or as the machine has.
+pub fn threads(options: &RunOptions) -> usize {
     match options.threads {
         0 => *OF_MACHINE,
         asked => asked,

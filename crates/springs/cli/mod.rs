@@ -112,18 +112,24 @@ pub(crate) fn main() -> ExitCode {
 }
 
 fn report_error(error: &anyhow::Error) -> u8 {
-    say_error(&error.to_string());
     let advised = error.downcast_ref::<Advised>();
     let unwritten = error.downcast_ref::<Unwritten>();
     let advice = advised.map(|error| &error.advice);
     let advice = advice.or(unwritten.map(|error| &error.advice));
-    if let Some(Some(advice)) = advice {
-        say(&format!("  {advice}"));
-    }
+    let advice = advice.and_then(|advice| advice.as_deref());
+    say_advised(&error.to_string(), advice);
     if unwritten.is_some() {
         EXIT_UNWRITTEN
     } else {
         EXIT_WRONG
+    }
+}
+
+/// An error, and what to do about it.
+fn say_advised(message: &str, advice: Option<&str>) {
+    say_error(message);
+    if let Some(advice) = advice {
+        say(&format!("  {advice}"));
     }
 }
 

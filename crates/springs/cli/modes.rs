@@ -44,7 +44,7 @@ pub(crate) fn modes_command(arguments: &ModesArguments) -> anyhow::Result<Ending
     let mut written = equilibrium_files().to_vec();
     written.extend([MODES, SHAPES]);
     folder.remove_others(&written);
-    let about = if equilibrium.iterations == 0 {
+    let about = if equilibrium.was_balanced {
         "the scene is in equilibrium; modes are about it as it is"
     } else {
         "the scene is not in equilibrium; modes are about the one that it settles in"

@@ -98,6 +98,31 @@ pub(crate) struct Output {
     owns_checkpoint: bool,
 }
 
+/// Makes the folder of results and locks it; refuses that of another run.
+pub(crate) fn open_folder(folder: &Path, force: bool) -> anyhow::Result<Option<File>> {
+    make_folder(folder)?;
+    let lock = lock(folder)?;
+    // Another run may have ended since the folder was looked at.
+    claim(folder, &all_files(), force)?;
+    if lock.is_some() {
+        remove_drafts(folder);
+    }
+    Ok(lock)
+}
+
+/// Removes what an older run left in a folder, but for names that stay. What cannot be
+/// removed stays, too.
+pub(crate) fn remove_all_but(folder: &Path, stays: impl Fn(&str) -> bool) {
+    for name in all_files().into_iter().filter(|name| !stays(name)) {
+        let path = folder.join(&name);
+        if name.ends_with('/') {
+            remove_series(&path);
+        } else {
+            let _ = std::fs::remove_file(path);
+        }
+    }
+}
+
 impl Output {
     /// Refuses a folder that holds the results of another run, and a scene that
     /// would be replaced by something else.
@@ -130,13 +155,7 @@ impl Output {
         plan: &RunPlan<'_>,
         force: bool,
     ) -> anyhow::Result<Self> {
-        make_folder(folder)?;
-        let lock = lock(folder)?;
-        // Another run may have ended since the folder was looked at.
-        claim(folder, &all_files(), force)?;
-        if lock.is_some() {
-            remove_drafts(folder);
-        }
+        let lock = open_folder(folder, force)?;
         try_to_write(&folder.join(SCENE)).map_err(Unwritten::from)?;
         Ok(Self {
             folder: folder.to_owned(),
@@ -240,16 +259,9 @@ impl Output {
     /// checkpoint if nothing is left to go on with. What cannot be removed stays.
     pub(crate) fn remove_others(&self, written: &[&str], is_finished: bool) {
         let keeps_checkpoint = self.owns_checkpoint && !is_finished;
-        for name in all_files() {
-            let stays =
-                written.contains(&name.as_str()) || (name == CHECKPOINT && keeps_checkpoint);
-            let path = self.folder.join(&name);
-            if !stays && name.ends_with('/') {
-                remove_series(&path);
-            } else if !stays {
-                let _ = std::fs::remove_file(path);
-            }
-        }
+        remove_all_but(&self.folder, |name| {
+            written.contains(&name) || (name == CHECKPOINT && keeps_checkpoint)
+        });
     }
 
     /// Writes the final scene and the report as far as there is room, after

@@ -7,7 +7,7 @@ use super::source::{SceneArguments, default_intervals};
 use super::statics::sentence;
 use super::view::invitation;
 use super::watcher::{Watcher, progress_bar};
-use super::{Ending, Unwritten, say, say_error, summary};
+use super::{Ending, Unwritten, say, say_advised, say_error, summary};
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use indicatif::ProgressBar;
 use springs::io::{
@@ -94,10 +94,7 @@ pub(crate) fn run(arguments: &RunArguments) -> anyhow::Result<Ending> {
             if !error.is_not_found() {
                 return Err(advised.into());
             }
-            say_error(&advised.message);
-            if let Some(advice) = advised.advice {
-                say(&format!("  {advice}"));
-            }
+            say_advised(&advised.message, advised.advice.as_deref());
             return Ok(Ending::Failed);
         }
     }

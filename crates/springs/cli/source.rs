@@ -9,7 +9,6 @@ use springs::scene::{
 use springs::statics::{Equilibrium, StaticsError};
 use springs::step::SetupError;
 use std::fs::File;
-use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
@@ -206,11 +205,7 @@ pub(crate) fn at_most_useful(threads: u32) -> usize {
 
 /// The options of statics.
 pub(crate) fn statics_options(run: &RunOptions) -> springs::statics::Options {
-    let threads = match run.threads {
-        0 => std::thread::available_parallelism().map_or(1, NonZeroUsize::get),
-        asked => asked,
-    };
-    springs::statics::Options::default().with_threads(threads)
+    springs::statics::Options::default().with_threads(springs::step::threads(run))
 }
 
 /// Intervals between frames: 60 a second.
@@ -269,6 +264,9 @@ impl Source {
 
     /// Finds the equilibrium that the scene starts from, if it asks for one.
     pub(crate) fn start(&mut self) -> Result<Option<Equilibrium>, StaticsError> {
+        if self.scene.settings.start == springs::scene::Start::AsGiven {
+            return Ok(None);
+        }
         let options = statics_options(&self.options);
         let (started, equilibrium) = springs::statics::start(&self.scene, &options)?;
         self.scene = started;

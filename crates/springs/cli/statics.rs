@@ -1,12 +1,12 @@
 //! What the commands of statics share: arguments, the equilibrium, and their folder.
 
-use super::output::{Output, REPORT, SCENE, all_files, claim, lock, make_folder};
+use super::output::{Output, REPORT, SCENE, open_folder, remove_all_but};
 use super::source::{Source, at_most_useful, statics_options, stem_of};
-use super::{Advised, Ending, Unwritten, say, say_error};
+use super::{Advised, Ending, Unwritten, say, say_advised};
 use serde::Serialize;
 use springs::io::{
     FrameMembers, NotFound, REACTIONS, RunEnd, RunPlan, SPRINGS, SettleReport, SinkKind as _,
-    TrajectoryFrame, WriteError, remove_drafts, write_report, write_scene,
+    TrajectoryFrame, WriteError, write_report, write_scene,
 };
 use springs::scene::{Scene, Start, Vector3};
 use springs::statics::{Equilibrium, Options, StaticsError, Status};
@@ -107,16 +107,9 @@ impl Work {
 
     /// Makes the folder of the results and locks it.
     pub(crate) fn folder(&self) -> anyhow::Result<Folder> {
-        make_folder(&self.folder)?;
-        let lock = lock(&self.folder)?;
-        // Another run may have ended since the folder was looked at.
-        claim(&self.folder, &all_files(), self.force)?;
-        if lock.is_some() {
-            remove_drafts(&self.folder);
-        }
         Ok(Folder {
+            _lock: open_folder(&self.folder, self.force)?,
             path: self.folder.clone(),
-            _lock: lock,
         })
     }
 
@@ -147,10 +140,7 @@ impl Work {
         });
         folder.report(&report)?;
         folder.remove_others(&[written, &[REPORT]].concat());
-        say_error(reason);
-        if let Some(advice) = advice {
-            say(&format!("  {advice}"));
-        }
+        say_advised(reason, advice);
         Ok(Ending::Failed)
     }
 
@@ -228,13 +218,9 @@ impl Folder {
         Ok(write_report(&self.path.join(REPORT), report)?)
     }
 
-    /// Removes what is left of an older run. What cannot be removed stays.
+    /// Removes what is left of an older run.
     pub(crate) fn remove_others(&self, written: &[&str]) {
-        for name in all_files() {
-            if !written.contains(&name.as_str()) {
-                let _ = std::fs::remove_file(self.path.join(name));
-            }
-        }
+        remove_all_but(&self.path, |name| written.contains(&name));
     }
 }
 

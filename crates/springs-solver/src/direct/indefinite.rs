@@ -124,7 +124,7 @@ impl Indefinite {
     ///
     /// # Errors
     ///
-    /// If there is not enough memory, or an entry is not finite.
+    /// If there is not enough memory, or an entry of a diagonal block is not finite.
     ///
     /// # Panics
     ///
