@@ -3,11 +3,11 @@
 use crate::inspect::skipped;
 use springs_assembly::Energy;
 use springs_io::{
-    EnergyReport, EnergySum, FailureReport, IslandReport, Report, SavingReport, SecondsReport,
-    SwitchReport, TrialsReport,
+    EnergyReport, EnergySum, FailureReport, FrameEnergies, IslandReport, Report, SavingReport,
+    SecondsReport, SwitchReport, TrialsReport,
 };
 use springs_scene::Scene;
-use springs_step::{Account, Islands, Pace, Part, StepError};
+use springs_step::{Account, Islands, Outcome, Pace, Part, StepError};
 use std::time::Duration;
 
 /// How a run ended.
@@ -19,6 +19,30 @@ pub enum Ending {
     Interrupted,
     /// A step could not be made.
     Failed(StepError),
+}
+
+impl From<Result<Outcome, StepError>> for Ending {
+    fn from(outcome: Result<Outcome, StepError>) -> Self {
+        match outcome {
+            Ok(Outcome::Finished) => Self::Finished,
+            Ok(Outcome::Stopped) => Self::Interrupted,
+            Err(error) => Self::Failed(error),
+        }
+    }
+}
+
+/// Energies and their flows as files and tables have them.
+pub fn frame_energies(account: &Account) -> FrameEnergies {
+    let (energy, ledger) = (&account.energy, &account.ledger);
+    FrameEnergies {
+        time: account.time,
+        energy: energy_sum(energy),
+        anchor_work: ledger.anchor_work,
+        dashpot_heat: ledger.heat.sum(),
+        load_work: ledger.load_work,
+        method_gain: ledger.method_gain(energy),
+        broken_energy: ledger.broken_energy,
+    }
 }
 
 /// The energy that moved during a run: the most that was kinetic, had gone into
@@ -197,7 +221,8 @@ fn energy(islands: &Islands, mut turned_over: TurnedOver) -> EnergyReport {
     }
 }
 
-pub(crate) fn energy_sum(energy: &Energy) -> EnergySum {
+/// An energy as files and tables have it.
+pub fn energy_sum(energy: &Energy) -> EnergySum {
     EnergySum {
         kinetic: energy.kinetic,
         elastic: energy.elastic(),

@@ -1,15 +1,15 @@
 //! All outputs that a run can be asked for, and those that it writes.
 
 use crate::filmstrip::Filmstrip;
-use crate::report::energy_sum;
+use crate::report::frame_energies;
 use crate::view::View;
 use serde::{Deserialize, Serialize};
 use springs_io::{
-    ContinueError, ENERGIES, FrameEnergies, FrameMembers, Mark, Npz, PointCache, REACTIONS,
-    ResumeSink, RunEnd, RunPlan, Sink, SinkKind, SpringsAndPeaks, TRAJECTORY, TensionPeak,
-    TrajectoryFrame, Vtu, WriteError,
+    ContinueError, ENERGIES, FrameMembers, Mark, Npz, PointCache, REACTIONS, ResumeSink, RunEnd,
+    RunPlan, Sink, SinkKind, SpringsAndPeaks, TRAJECTORY, TensionPeak, TrajectoryFrame, Vtu,
+    WriteError,
 };
-use springs_scene::Spring;
+use springs_scene::{Scene, Spring};
 use springs_step::{Account, Frame, Islands};
 use std::path::Path;
 
@@ -37,6 +37,11 @@ pub fn tension_peaks(islands: &Islands) -> Vec<TensionPeak> {
         time_of_min: peak.time_of_min,
     });
     peaks.collect()
+}
+
+/// Intervals between the frames of a run where nothing else is said: 60 a second.
+pub fn default_intervals(scene: &Scene) -> usize {
+    (60.0 * scene.settings.duration).round().max(1.0) as usize
 }
 
 /// The outputs of one run.
@@ -162,16 +167,7 @@ impl Sinks {
     ///
     /// The first of theirs.
     pub fn account(&mut self, account: &Account) -> Result<(), WriteError> {
-        let (energy, ledger) = (&account.energy, &account.ledger);
-        let energies = FrameEnergies {
-            time: account.time,
-            energy: energy_sum(energy),
-            anchor_work: ledger.anchor_work,
-            dashpot_heat: ledger.heat.sum(),
-            load_work: ledger.load_work,
-            method_gain: ledger.method_gain(energy),
-            broken_energy: ledger.broken_energy,
-        };
+        let energies = frame_energies(account);
         self.awaits_energies = false;
         let wanting = self.each().filter(|sink| sink.wants_energies());
         let written = wanting.map(|sink| sink.energies(&energies));

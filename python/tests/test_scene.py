@@ -126,7 +126,7 @@ class Scenes(unittest.TestCase):
         self.assertAlmostEqual(pulled(sp.Law.polynomial([10, 4]), 1.5), 6)
         self.assertAlmostEqual(pulled(sp.Law.table([(0, 0), (0.5, 7)]), 1.5), 7)
 
-    def test_files_are_those_of_the_command_line(self):
+    def test_pickled_scenes_are_the_same(self):
         for path in EXAMPLES.glob("*.ron"):
             scene = sp.load(path)
             self.assertEqual(text_of(pickle.loads(pickle.dumps(scene))), text_of(scene))

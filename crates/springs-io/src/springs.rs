@@ -98,27 +98,13 @@ pub(crate) fn damp(ratios: &[(usize, f64)], scene: &mut Scene, findings: &mut Fi
     }
     let masses = scene.node_masses();
     for &(index, ratio) in ratios {
-        let nodes = scene.springs[index].nodes;
-        let massless = nodes.into_iter().find(|&node| {
-            let is_free = !scene.nodes[node].fixed;
-            is_free && masses[node] == 0.0
-        });
-        let critical = scene.critical_damping(index, &masses);
-        let message = match massless {
-            _ if critical == f64::INFINITY => {
-                format!("both nodes of spring {index} are fixed: it has no damping ratio")
+        match scene.damping_of_ratio(index, ratio, &masses) {
+            Ok(damping) => scene.springs[index].damping = damping,
+            Err(none) => {
+                let path = Path::Spring(index, Some("damping_ratio"));
+                findings.push(path, none.to_string(), Some(none.advice()));
             }
-            Some(node) => {
-                format!("node {node} of spring {index} has no mass to take a damping ratio of")
-            }
-            None => {
-                scene.springs[index].damping = ratio * critical;
-                continue;
-            }
-        };
-        let path = Path::Spring(index, Some("damping_ratio"));
-        let advice = "give the spring a damping, in N·s/m";
-        findings.push(path, message, Some(advice));
+        }
     }
 }
 

@@ -10,7 +10,7 @@ use std::thread;
 use std::time::Duration;
 
 /// Time between two looks at signals.
-const LOOK: Duration = Duration::from_millis(20);
+pub(crate) const LOOK: Duration = Duration::from_millis(20);
 
 /// As the main thread of most systems has.
 const STACK: usize = 8 << 20;

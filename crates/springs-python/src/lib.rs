@@ -1,8 +1,9 @@
 //! The Python module `springs._springs`: scenes, runs and simulations with numpy arrays.
 //!
-//! It converts between Python and the crate `springs`, and knows no formula. Long work runs
-//! in a thread of its own, without the lock of the interpreter, while the calling thread
-//! hears Python's signals (`attended.rs`). `python/springs/_springs.pyi` has the
+//! It converts between Python and the crate `springs`, and knows no formula. Steps,
+//! statics and studies run in a thread of their own, without the lock of the interpreter,
+//! while the calling thread hears Python's signals (`attended.rs`); scenes are compiled
+//! without the lock. `python/springs/_springs.pyi` has the
 //! interface; the tests are in `python/tests`.
 
 mod arrays;

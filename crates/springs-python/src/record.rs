@@ -3,7 +3,8 @@
 use crate::attended::Shared;
 use crate::errors::Fault;
 use pyo3::PyResult;
-use springs::report::TurnedOver;
+use springs::io::{EnergySum, FrameEnergies};
+use springs::report::{TurnedOver, frame_energies};
 use springs::step::{Account, Frame, Observer};
 use std::ops::ControlFlow;
 
@@ -19,6 +20,50 @@ pub(crate) const ENERGIES: [&str; 9] = [
     "broken_energy",
     "method",
 ];
+
+/// In the order of [`ENERGIES`].
+pub(crate) fn row_of(energies: &FrameEnergies) -> [f64; ENERGIES.len()] {
+    [
+        energies.energy.kinetic,
+        energies.energy.elastic,
+        energies.energy.gravity,
+        energies.energy.total,
+        energies.anchor_work,
+        energies.load_work,
+        energies.dashpot_heat,
+        energies.broken_energy,
+        energies.method_gain,
+    ]
+}
+
+/// What [`row_of`] made a row of, at a time in s.
+pub(crate) fn energies_of(time: f64, row: [f64; ENERGIES.len()]) -> FrameEnergies {
+    let [
+        kinetic,
+        elastic,
+        gravity,
+        total,
+        anchor_work,
+        load_work,
+        dashpot_heat,
+        broken_energy,
+        method_gain,
+    ] = row;
+    FrameEnergies {
+        time,
+        energy: EnergySum {
+            kinetic,
+            elastic,
+            gravity,
+            total,
+        },
+        anchor_work,
+        dashpot_heat,
+        load_work,
+        method_gain,
+        broken_energy,
+    }
+}
 
 /// Frames one after the other.
 #[derive(Debug, Default)]
@@ -123,18 +168,7 @@ impl Observer for Recorder {
     fn account(&mut self, account: Account) -> ControlFlow<()> {
         self.awaits_energies = false;
         self.turned_over.look(&account);
-        let (energy, ledger) = (&account.energy, &account.ledger);
-        let numbers = [
-            energy.kinetic,
-            energy.elastic(),
-            energy.gravity(),
-            energy.total(),
-            ledger.anchor_work,
-            ledger.load_work,
-            ledger.heat.sum(),
-            ledger.broken_energy,
-            ledger.method_gain(energy),
-        ];
+        let numbers = row_of(&frame_energies(&account));
         let energies = self.record.energies.iter_mut();
         energies
             .zip(numbers)

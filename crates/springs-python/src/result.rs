@@ -3,20 +3,20 @@
 use crate::arrays::{array1, array2, array3};
 use crate::attended::{Progress, Shared, attended};
 use crate::errors::{Fault, interrupted};
-use crate::record::{ENERGIES, Record, Recorder};
+use crate::record::{ENERGIES, Record, Recorder, energies_of};
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods as _};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use springs::filmstrip::{Panel, filmstrip};
 use springs::io::{
-    ENERGIES as ENERGY_TABLE, EnergySum, FrameEnergies, FrameMembers, Npz, RunEnd, RunPlan, Sink,
-    SinkKind, TrajectoryFrame,
+    ENERGIES as ENERGY_TABLE, FrameMembers, Npz, RunEnd, RunPlan, Sink, SinkKind, TrajectoryFrame,
+    WriteError, write_whole,
 };
 use springs::report::{Ending, Timings, TurnedOver, report};
 use springs::scene::{RunOptions, Scene, Vector3};
 use springs::solver::Interrupt;
-use springs::step::{Islands, Outcome, StepError};
-use springs::view::write_page;
+use springs::step::Islands;
+use springs::view::page_of;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -82,13 +82,13 @@ impl Run {
         let turned_over = recorder.turned_over;
         self.record = Record::default();
         let (islands, record) = (&mut self.islands, recorder.record);
-        let ending = ending(outcome);
+        let (ending, frames) = (Ending::from(outcome), record.n_frames());
         let report = report(&self.scene, islands, ending, timings, turned_over);
         let result = RunResult {
-            t: array1(py, record.times.clone()).unbind(),
-            x: array3(py, record.positions, n_nodes, record.times.len()).unbind(),
-            v: array3(py, record.velocities, n_nodes, record.times.len()).unbind(),
-            tension: array2(py, record.tensions, n_springs, record.times.len()).unbind(),
+            t: array1(py, record.times).unbind(),
+            x: array3(py, record.positions, n_nodes, frames).unbind(),
+            v: array3(py, record.velocities, n_nodes, frames).unbind(),
+            tension: array2(py, record.tensions, n_springs, frames).unbind(),
             energy: energies(py, record.energies)?.unbind(),
             status: report.status.clone(),
             report: json(py, &report)?,
@@ -107,14 +107,6 @@ impl Run {
         };
         error.value(py).setattr("result", result)?;
         Err(error)
-    }
-}
-
-fn ending(outcome: Result<Outcome, StepError>) -> Ending {
-    match outcome {
-        Ok(Outcome::Finished) => Ending::Finished,
-        Ok(Outcome::Stopped) => Ending::Interrupted,
-        Err(error) => Ending::Failed(error),
     }
 }
 
@@ -210,12 +202,11 @@ impl RunResult {
     fn show(&self, numbers: &Numbers, sink: &mut dyn Sink) -> Result<(), Fault> {
         let (n, k) = (self.scene.nodes.len(), self.scene.springs.len());
         for (index, &time) in numbers.times.iter().enumerate() {
-            let of_frame = |all: &'_ [Vector3<f64>]| all[index * n..(index + 1) * n].to_vec();
             let frame = TrajectoryFrame {
                 index,
                 time,
-                positions: &of_frame(&numbers.positions),
-                velocities: &of_frame(&numbers.velocities),
+                positions: &numbers.positions[index * n..(index + 1) * n],
+                velocities: &numbers.velocities[index * n..(index + 1) * n],
                 members: Some(FrameMembers {
                     springs: &self.scene.springs,
                     tensions: &numbers.tensions[index * k..(index + 1) * k],
@@ -254,31 +245,8 @@ impl RunResult {
             .begin(folder, &self.plan())
             .map_err(Fault::system)?;
         for (k, &time) in times.iter().enumerate() {
-            let [
-                kinetic,
-                elastic,
-                gravity,
-                total,
-                anchor_work,
-                load_work,
-                dashpot_heat,
-                broken_energy,
-                method_gain,
-            ] = std::array::from_fn(|column| columns[column][k]);
-            let energies = FrameEnergies {
-                time,
-                energy: EnergySum {
-                    kinetic,
-                    elastic,
-                    gravity,
-                    total,
-                },
-                anchor_work,
-                dashpot_heat,
-                load_work,
-                method_gain,
-                broken_energy,
-            };
+            let row = std::array::from_fn(|column| columns[column][k]);
+            let energies = energies_of(time, row);
             sink.energies(&energies).map_err(Fault::system)?;
         }
         Ok(self.finish(sink)?)
@@ -296,11 +264,12 @@ fn folder_beside(path: &Path) -> PyResult<tempfile::TempDir> {
         .parent()
         .filter(|parent| !parent.as_os_str().is_empty());
     let folder = tempfile::tempdir_in(parent.unwrap_or(Path::new(".")));
-    Ok(folder.map_err(|error| cannot_write(path, &error))?)
+    Ok(folder.map_err(|error| cannot_write(path, error))?)
 }
 
-fn cannot_write(path: &Path, error: &std::io::Error) -> Fault {
-    Fault::system(format!("cannot write {}: {error}", path.display()))
+fn cannot_write(path: &Path, source: std::io::Error) -> Fault {
+    let path = path.to_owned();
+    Fault::system(WriteError { path, source })
 }
 
 #[pymethods]
@@ -333,7 +302,7 @@ impl RunResult {
         let folder = folder_beside(&path)?;
         let file = self.write_arrays(py, folder.path())?;
         let moved = std::fs::rename(file, &path);
-        Ok(moved.map_err(|error| cannot_write(&path, &error))?)
+        Ok(moved.map_err(|error| cannot_write(&path, error))?)
     }
 
     /// Writes a page to look at the run in a browser and returns its path; without a
@@ -348,11 +317,11 @@ impl RunResult {
                 (folder.join("view.html"), true)
             }
         };
-        let folder = folder_beside(&path)?;
+        let folder = tempfile::tempdir().map_err(Fault::system)?;
         self.write_arrays(py, folder.path())?;
         self.write_energies(py, folder.path())?;
-        let page = write_page(folder.path(), &self.scene).map_err(Fault::system)?;
-        std::fs::rename(page, &path).map_err(|error| cannot_write(&path, &error))?;
+        let page = page_of(folder.path(), &self.scene).map_err(Fault::system)?;
+        write_whole(&path, page.as_bytes()).map_err(Fault::system)?;
         if opens {
             let address = format!("file://{}", path.display());
             py.import("webbrowser")?.call_method1("open", (address,))?;

@@ -17,6 +17,7 @@ use springs::scene::{
     Guide, Load, NamedMotion, Node, OverTime, PrescribedMotion, Rayleigh, RunOptions, Scene, Start,
     StepControl, Vector3,
 };
+use springs::sinks::default_intervals;
 use springs::step::{Islands, NodeStates};
 use std::path::PathBuf;
 
@@ -126,6 +127,19 @@ fn axes_of(axes: Option<&str>) -> PyResult<[bool; 3]> {
         return Err(Fault::scene("axes must be some of x, y and z, such as \"yz\"").into());
     }
     Ok(held)
+}
+
+/// The scene as it starts: from what has x, or as it says itself.
+fn scene_at(
+    py: Python<'_>,
+    scene: Scene,
+    start: Option<&Bound<'_, PyAny>>,
+    options: &RunOptions,
+) -> PyResult<Scene> {
+    match start {
+        Some(start) => start_from(scene, start),
+        None => started(py, scene, options),
+    }
 }
 
 #[pymethods]
@@ -385,14 +399,11 @@ impl PyScene {
             tangent,
             threads,
         })?;
-        let scene = match start {
-            Some(start) => start_from(scene, start)?,
-            None => started(py, scene, &options)?,
-        };
+        let scene = scene_at(py, scene, start, &options)?;
         let intervals = match frames {
             Some(0) => return Err(Fault::scene("frames must be at least 1").into()),
             Some(frames) => frames,
-            None => (60.0 * scene.settings.duration).round().max(1.0) as usize,
+            None => default_intervals(&scene),
         };
         Run::new(py, scene, options, intervals)?.go(py, &progress)
     }
@@ -415,10 +426,7 @@ impl PyScene {
             threads,
             ..Changes::default()
         })?;
-        let scene = match start {
-            Some(start) => start_from(scene, start)?,
-            None => started(py, scene, &options)?,
-        };
+        let scene = scene_at(py, scene, start, &options)?;
         PySimulation::new(py, scene, options)
     }
 

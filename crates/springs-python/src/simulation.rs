@@ -1,26 +1,23 @@
 //! A simulation in steps, for a loop of one's own.
 
 use crate::arrays::{Floats, array1, array2, flat};
-use crate::attended::{Progress, Shared, attended};
+use crate::attended::{LOOK, Progress, Shared, attended};
 use crate::errors::{Fault, interrupted};
-use crate::record::ENERGIES;
+use crate::record::{ENERGIES, row_of};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyTuple};
-use springs::io::{parse_scene, scene_to_string};
+use springs::io::{FrameEnergies, parse_scene, scene_to_string};
+use springs::report::energy_sum;
 use springs::scene::{Load, OverTime, RunOptions, Scene, Spring, StepControl, Vector3};
 use springs::solver::Interrupt;
 use springs::step::{Cause, Simulation, StepError};
-use std::sync::atomic::AtomicBool;
-use std::sync::{Arc, Mutex, PoisonError};
-use std::time::{Duration, Instant};
+use std::sync::{Mutex, PoisonError};
+use std::time::Instant;
 
 /// Scenes with fewer free nodes make a step in less time than that between two looks
 /// at signals, so that the calling thread makes them itself.
 const FEW_NODES: usize = 2000;
-
-/// Time between two looks at signals.
-const LOOK: Duration = Duration::from_millis(20);
 
 /// Steps after which a simulation ends: more than anybody makes.
 const MOST_STEPS: f64 = (1_u64 << 40) as f64;
@@ -110,7 +107,7 @@ impl PySimulation {
         let simulation = self.simulation();
         scene.shift_time(simulation.stepper().time());
         simulation.nodes().write_to(&mut scene);
-        write_memory(simulation, &mut scene);
+        simulation.write_memory_to(&mut scene, |spring| spring);
         let next = compile(py, &scene, &self.options, &self.shared)?;
         let simulation = self.simulation();
         let (ledger, steps) = (simulation.ledger(), simulation.stepper().steps());
@@ -230,30 +227,6 @@ fn compile(
     Ok(simulation)
 }
 
-/// Writes what is broken or has yielded into the springs of the scene.
-fn write_memory(simulation: &Simulation, scene: &mut Scene) {
-    let system = simulation.system();
-    for spring in system.broken() {
-        scene.springs[spring].broken = true;
-    }
-    for (spring, elongation) in system.yielded() {
-        scene.springs[spring].yielded = elongation;
-    }
-}
-
-/// What is beyond its limit at the end of the last step breaks or yields now, as in a run;
-/// else it does when the next step begins.
-fn end_step(simulation: &mut Simulation, shared: &Shared) -> Result<(), StepError> {
-    if !simulation.system().has_memory() {
-        return Ok(());
-    }
-    // A run that is already asked to stop ends the last step and makes none.
-    simulation.set_interrupt(&Interrupt::from(Arc::new(AtomicBool::new(true))));
-    let ended = simulation.run(1, &mut ());
-    simulation.set_interrupt(&Interrupt::from(shared.is_stopped.clone()));
-    ended.map(drop)
-}
-
 struct SavedState<'a> {
     skip: bool,
     threads: usize,
@@ -344,23 +317,21 @@ impl PySimulation {
     fn energy<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let before = self.before;
         let simulation = self.simulation();
-        let (energy, ledger) = (simulation.energy(), simulation.ledger());
+        let (energy, ledger) = (energy_sum(&simulation.energy()), simulation.ledger());
         let anchor_work = before.anchor_work + ledger.anchor_work;
         let load_work = before.load_work + ledger.load_work;
         let heat = before.heat + ledger.heat.sum();
         let broken_energy = before.broken_energy + ledger.broken_energy;
         let taken = heat + broken_energy - anchor_work - load_work - before.control_work;
-        let numbers = [
-            energy.kinetic,
-            energy.elastic(),
-            energy.gravity(),
-            energy.total(),
+        let numbers = row_of(&FrameEnergies {
+            time: 0.0,
+            energy,
             anchor_work,
             load_work,
-            heat,
+            dashpot_heat: heat,
             broken_energy,
-            energy.total() - before.start + taken,
-        ];
+            method_gain: energy.total - before.start + taken,
+        });
         let energies = PyDict::new(py);
         for (name, number) in ENERGIES.into_iter().zip(numbers) {
             energies.set_item(name, number)?;
@@ -441,8 +412,8 @@ impl PySimulation {
             shared.go_on();
             done?
         };
-        let ended = end_step(self.simulation(), &shared);
-        let made = made.and(ended);
+        // What breaks or yields there does so now, and not when the next step begins.
+        self.simulation().end_step();
         match (raised, made) {
             (Some(raised), _) => Err(interrupted(py, raised, self.time())?),
             (None, Err(error)) if error.cause != Cause::Interrupted => {

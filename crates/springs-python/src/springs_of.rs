@@ -4,7 +4,7 @@ use crate::arrays::{each, pairs};
 use crate::errors::Fault;
 use crate::law::law;
 use pyo3::prelude::*;
-use springs::scene::{AxialStiffness, Scene, Spring, SpringLaw, rest_length_under};
+use springs::scene::{AxialStiffness, NoDampingRatio, Scene, Spring, SpringLaw, rest_length_under};
 
 /// The arguments of `Scene.springs` beside the nodes.
 pub(crate) struct Given<'a, 'py> {
@@ -153,25 +153,14 @@ pub(crate) fn damp(scene: &mut Scene, ratios: &[(usize, f64)]) -> PyResult<()> {
     }
     let masses = scene.node_masses();
     for &(index, ratio) in ratios {
-        let nodes = scene.springs[index].nodes;
-        let is_massless = |node: &usize| !scene.nodes[*node].fixed && masses[*node] == 0.0;
-        let massless = nodes.into_iter().find(is_massless);
-        let critical = scene.critical_damping(index, &masses);
-        let fault = match massless {
-            _ if critical == f64::INFINITY => Fault::scene(format!(
-                "both nodes of spring {index} are fixed: it has no damping ratio"
-            )),
-            Some(node) => Fault::scene(format!(
-                "node {node} of spring {index} has no mass to take a damping ratio of"
-            ))
-            .at_node(node),
-            None => {
-                scene.springs[index].damping = ratio * critical;
-                continue;
+        let damping = scene.damping_of_ratio(index, ratio, &masses);
+        scene.springs[index].damping = damping.map_err(|none| {
+            let fault = Fault::scene(none.to_string()).advised(Some(none.advice()));
+            match none {
+                NoDampingRatio::Massless { node, .. } => fault.at_node(node).at_spring(index),
+                _ => fault.at_spring(index),
             }
-        };
-        let advice = "give the spring a damping, in N·s/m";
-        return Err(fault.advised(Some(advice)).at_spring(index).into());
+        })?;
     }
     Ok(())
 }

@@ -77,7 +77,7 @@ fn attended_statics<R: Send>(
 ) -> PyResult<R> {
     let shared = Shared::default();
     let statics = Options::default()
-        .with_threads(options.threads.max(1))
+        .with_threads(springs::step::threads(options))
         .with_interrupt(Interrupt::from(shared.is_stopped.clone()));
     let (found, raised) = attended(py, &shared, &Progress::new(None)?, || work(&statics))?;
     match raised {

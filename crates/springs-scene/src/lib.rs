@@ -43,7 +43,7 @@ pub use path::Path;
 pub use prescribed::{Displacement, PrescribedMotion};
 pub use pretension::{AxialStiffness, PretensionError, rest_length_under};
 pub use problem::Problem;
-pub use scene::{BreakLimit, Guide, NamedMotion, Node, Rayleigh, Scene, Spring};
+pub use scene::{BreakLimit, Guide, NamedMotion, NoDampingRatio, Node, Rayleigh, Scene, Spring};
 pub use settings::{
     LinearTolerance, Method, RunOptions, Settings, Start, StepControl, Tangent, UnknownName,
 };

@@ -146,6 +146,33 @@ impl BreakLimit {
     }
 }
 
+/// Why a damping ratio says nothing of a spring.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum NoDampingRatio {
+    /// Nothing that it joins can move.
+    #[error("both nodes of spring {spring} are fixed: it has no damping ratio")]
+    Held {
+        /// The spring.
+        spring: usize,
+    },
+    /// A node would have no time to swing in.
+    #[error("node {node} of spring {spring} has no mass to take a damping ratio of")]
+    Massless {
+        /// The spring.
+        spring: usize,
+        /// The node.
+        node: usize,
+    },
+}
+
+impl NoDampingRatio {
+    /// What to do about it.
+    pub fn advice(&self) -> &'static str {
+        "give the spring a damping, in N·s/m"
+    }
+}
+
 impl Spring {
     /// A linear spring between two nodes of a scene that has no mass and no damping and
     /// does not break, with K in N/m and l₀ in m.
@@ -333,6 +360,33 @@ impl Scene {
             }
         });
         2.0 * (spring.stiffness / (a + b)).sqrt()
+    }
+
+    /// The damping, in N·s/m, that is a part `ratio` of the critical one; `masses` are the
+    /// [masses of all nodes](Self::node_masses).
+    ///
+    /// # Errors
+    ///
+    /// If a free node of the spring has no mass, or none of them is free.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such spring, or a node of it does not exist.
+    pub fn damping_of_ratio(
+        &self,
+        spring: usize,
+        ratio: f64,
+        masses: &[f64],
+    ) -> Result<f64, NoDampingRatio> {
+        let critical = self.critical_damping(spring, masses);
+        if critical == f64::INFINITY {
+            return Err(NoDampingRatio::Held { spring });
+        }
+        let is_massless = |node: &usize| !self.nodes[*node].fixed && masses[*node] == 0.0;
+        match self.springs[spring].nodes.into_iter().find(is_massless) {
+            Some(node) => Err(NoDampingRatio::Massless { spring, node }),
+            None => Ok(ratio * critical),
+        }
     }
 
     /// Whether any spring has a dashpot.

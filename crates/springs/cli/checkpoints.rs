@@ -1,9 +1,9 @@
 //! What checkpoints of runs say, and how often they are written.
 
-use super::source::default_intervals;
 use serde::{Deserialize, Serialize};
 use springs::scene::Scene;
 use springs::sinks::Marks;
+use springs::sinks::default_intervals;
 use springs::step::Islands;
 use std::str::FromStr;
 

@@ -3,7 +3,7 @@
 use super::checkpoints::{About, Every};
 use super::output::{CHECKPOINT, Output, make_folder};
 use super::signals::Signals;
-use super::source::{SceneArguments, default_intervals};
+use super::source::SceneArguments;
 use super::statics::sentence;
 use super::view::invitation;
 use super::watcher::{Watcher, progress_bar};
@@ -15,7 +15,7 @@ use springs::io::{
 };
 use springs::report::{self, Timings, TurnedOver, report};
 use springs::scene::{RunOptions, Scene};
-use springs::sinks::{Marks, SINKS, tension_peaks};
+use springs::sinks::{Marks, SINKS, default_intervals, tension_peaks};
 use springs::solver::Interrupt;
 use springs::step::{Islands, Outcome, Patience, StepError};
 use springs::view::{self, View};
@@ -256,11 +256,7 @@ impl Run {
         watcher: &mut Watcher,
         outcome: Result<Outcome, StepError>,
     ) -> Result<Results, Unwritten> {
-        let ending = match outcome {
-            Ok(Outcome::Finished) => report::Ending::Finished,
-            Ok(Outcome::Stopped) => report::Ending::Interrupted,
-            Err(error) => report::Ending::Failed(error),
-        };
+        let ending = report::Ending::from(outcome);
         if ending == report::Ending::Interrupted {
             self.checkpoint(watcher)?;
         }

@@ -208,11 +208,6 @@ pub(crate) fn statics_options(run: &RunOptions) -> springs::statics::Options {
     springs::statics::Options::default().with_threads(springs::step::threads(run))
 }
 
-/// Intervals between frames: 60 a second.
-pub(crate) fn default_intervals(scene: &Scene) -> usize {
-    (60.0 * scene.settings.duration).round().max(1.0) as usize
-}
-
 /// A scene and the text it came from.
 pub(crate) struct Source {
     pub(crate) scene: Scene,

@@ -58,13 +58,9 @@ impl Islands {
     /// If the scene has fewer springs.
     pub fn write_memory_to(&self, scene: &mut Scene) {
         for part in &self.parts {
-            let (system, springs) = (part.simulation.system(), &part.island.springs);
-            for spring in system.broken() {
-                scene.springs[springs[spring]].broken = true;
-            }
-            for (spring, elongation) in system.yielded() {
-                scene.springs[springs[spring]].yielded = elongation;
-            }
+            let springs = &part.island.springs;
+            part.simulation
+                .write_memory_to(scene, |spring| springs[spring]);
         }
     }
 }

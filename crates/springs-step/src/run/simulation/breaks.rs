@@ -7,6 +7,7 @@ use super::Simulation;
 use crate::control::controller::{Controller, Schedule};
 use crate::run::breaks::Break;
 use crate::{HiddenState, Interval, Stepper};
+use springs_scene::Scene;
 
 /// Something that breaks soon, known from a step that was made and taken back.
 #[derive(Clone, Copy, Debug, Default)]
@@ -53,8 +54,9 @@ impl Ahead {
 
 impl Simulation {
     /// Springs that are beyond their limits at the end of the last step break, if that is
-    /// not done yet.
-    pub(super) fn end_step(&mut self) {
+    /// not done yet. Else they do when nobody asks for states within that step any more:
+    /// when the next one begins, or after its last frame.
+    pub fn end_step(&mut self) {
         if !std::mem::take(&mut self.is_end_open) {
             return;
         }
@@ -80,6 +82,21 @@ impl Simulation {
         }
         if let Schedule::Adaptive(controller) = &mut self.schedule {
             controller.begin_anew();
+        }
+    }
+
+    /// Writes into the springs of a scene what is broken or has yielded, where
+    /// `spring_of` gives for each spring of the simulation the one of that scene.
+    ///
+    /// # Panics
+    ///
+    /// If the scene has no such spring.
+    pub fn write_memory_to(&self, scene: &mut Scene, spring_of: impl Fn(usize) -> usize) {
+        for spring in self.system().broken() {
+            scene.springs[spring_of(spring)].broken = true;
+        }
+        for (spring, elongation) in self.system().yielded() {
+            scene.springs[spring_of(spring)].yielded = elongation;
         }
     }
 
