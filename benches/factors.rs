@@ -21,7 +21,7 @@ use faer::sparse::linalg::cholesky::{
 use faer::sparse::{SparseColMat, SymbolicSparseColMat};
 use faer::{Conj, MatMut, Par, Side};
 use patterns::{Pattern, Turns, block, cloth, symmetric_blocks};
-use springs::solver::{Options, Route, Solver, Subspace, elimination_order};
+use springs::solver::{Options, Solver, Strategy, Subspace, elimination_order};
 
 const SECONDS: f64 = 2.0;
 
@@ -136,7 +136,7 @@ fn ours(pattern: &Pattern, dimension: usize, threads: usize) -> Solver {
     let options = Options {
         positions: Some(&pattern.positions),
         threads,
-        route: Route::Double,
+        strategy: Strategy::Double,
         subspace: match dimension {
             1 => Subspace::Line(x),
             2 => Subspace::Plane([x, y]),

@@ -10,15 +10,15 @@
 mod patterns;
 
 use patterns::{Pattern, Turns, block, cloth, general_blocks, symmetric_blocks};
-use springs::solver::{Options, Packing, Route, Solver};
+use springs::solver::{Options, Packing, Solver, Strategy};
 
 const SECONDS: f64 = 2.0;
 const ACCURACY: f64 = 1e-8;
 
-fn analyze(pattern: &Pattern, packing: Packing, route: Route) -> Solver {
+fn analyze(pattern: &Pattern, packing: Packing, strategy: Strategy) -> Solver {
     let options = Options {
         positions: Some(&pattern.positions),
-        route,
+        strategy,
         packing,
         ..Options::default()
     };
@@ -53,12 +53,12 @@ fn main() {
         let n_rows = 3 * pattern.positions.len();
         let b: Vec<f64> = (0..n_rows).map(|row| (row as f64).sin()).collect();
         let (mut x, mut y) = (b.clone(), b.clone());
-        for (route, matrix, solution) in [
-            (Route::Double, "factorization", "solution"),
-            (Route::Iterative, "preparation", "iteration"),
+        for (strategy, matrix, solution) in [
+            (Strategy::Double, "factorization", "solution"),
+            (Strategy::Iterative, "preparation", "iteration"),
         ] {
-            let mut first = analyze(&pattern, Packing::Symmetric, route);
-            let mut second = analyze(&pattern, Packing::General, route);
+            let mut first = analyze(&pattern, Packing::Symmetric, strategy);
+            let mut second = analyze(&pattern, Packing::General, strategy);
             let turns = Turns::take(
                 SECONDS,
                 &mut [

@@ -59,9 +59,10 @@ struct Watch(Instant);
 
 impl Observer for Watch {
     fn step(&mut self, _time: f64, _steps: u64) -> ControlFlow<()> {
-        match self.0.elapsed() > ENOUGH {
-            true => ControlFlow::Break(()),
-            false => ControlFlow::Continue(()),
+        if self.0.elapsed() > ENOUGH {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
         }
     }
 }

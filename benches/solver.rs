@@ -1,5 +1,5 @@
 //! The matrix M + h²H of the scenes in motion, at h = 1/60 s: ordering and
-//! symbolic factorization, and then, by every route, taking a matrix and
+//! symbolic factorization, and then, by every strategy, taking a matrix and
 //! solving with it, strictly (1e-11) and sufficiently for a step (1e-6).
 
 mod common;
@@ -7,7 +7,7 @@ mod common;
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use springs::assembly::{Evaluation, Linearization, OffDiagonal, Projection, Weights};
 use springs::scene::{Method, Scene, StepControl};
-use springs::solver::{Options, Route, Solver};
+use springs::solver::{Options, Solver, Strategy};
 use springs::step::Simulation;
 
 const H: f64 = 1.0 / 60.0;
@@ -45,28 +45,28 @@ fn solver(criterion: &mut Criterion) {
             .iter()
             .map(|position| (*position).into())
             .collect();
-        let analyze = |route| {
+        let analyze = |strategy| {
             let options = Options {
                 positions: Some(&positions),
-                route,
+                strategy,
                 ..Options::default()
             };
             Solver::analyze(n_free, pairs, options).expect("enough memory")
         };
         let id = |what: &str| BenchmarkId::new(what, &scene.name);
         group.bench_function(id("symbolic"), |bencher| {
-            bencher.iter(|| analyze(Route::Double));
+            bencher.iter(|| analyze(Strategy::Double));
         });
         let OffDiagonal::Symmetric(pairs) = matrix.off_diagonal() else {
             panic!("springs have symmetric blocks");
         };
-        let mut routes = vec![(Route::Double, "double"), (Route::Auto, "automatic")];
-        // Without fill there is only one route.
+        let mut strategies = vec![(Strategy::Double, "double"), (Strategy::Auto, "automatic")];
+        // Without fill there is only one strategy.
         if !scene.name.starts_with("chain") {
-            routes.push((Route::Iterative, "iterative"));
+            strategies.push((Strategy::Iterative, "iterative"));
         }
-        for (route, name) in routes {
-            let mut solver = analyze(route);
+        for (strategy, name) in strategies {
+            let mut solver = analyze(strategy);
             let take = |solver: &mut Solver| {
                 solver
                     .set_matrix(matrix.diagonal(), pairs)

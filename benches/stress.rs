@@ -24,9 +24,10 @@ const LONGEST: Duration = Duration::from_secs(10);
 
 impl Observer for Patience {
     fn step(&mut self, _time: f64, _steps: u64) -> ControlFlow<()> {
-        match self.0.elapsed() > LONGEST {
-            true => ControlFlow::Break(()),
-            false => ControlFlow::Continue(()),
+        if self.0.elapsed() > LONGEST {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
         }
     }
 }

@@ -40,9 +40,10 @@ struct Patience(Instant);
 
 impl Observer for Patience {
     fn step(&mut self, _time: f64, _steps: u64) -> ControlFlow<()> {
-        match self.0.elapsed() > LONG {
-            true => ControlFlow::Break(()),
-            false => ControlFlow::Continue(()),
+        if self.0.elapsed() > LONG {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
         }
     }
 }

@@ -133,9 +133,10 @@ fn plain_verlet(scene: &Scene, h: f64) -> f64 {
             a[j] -= force;
         }
         for ((a, mass), node) in a.iter_mut().zip(&masses).zip(&scene.nodes) {
-            *a = match node.fixed {
-                true => Vector3::zeros(),
-                false => *a / *mass + scene.gravity,
+            *a = if node.fixed {
+                Vector3::zeros()
+            } else {
+                *a / *mass + scene.gravity
             };
         }
     };

@@ -72,9 +72,10 @@ impl Catenary {
             let catenary = Self {
                 horizontal_tension: middle,
             };
-            match 2.0 * catenary.offset(0.5 * SPAN).0 < SPAN {
-                true => low = middle,
-                false => high = middle,
+            if 2.0 * catenary.offset(0.5 * SPAN).0 < SPAN {
+                low = middle
+            } else {
+                high = middle
             }
         }
         Self {

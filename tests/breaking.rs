@@ -461,9 +461,10 @@ fn unresolved_springs_break_by_their_tension() {
                 // A pendulum that falls from the side has up to five weights in its
                 // first link while it passes below.
                 let force = 3.0 * weight * part;
-                scene.springs[0].breaks_at = Some(match by_strain {
-                    true => BreakLimit::Strain(force / (stiffness / 3.0)),
-                    false => BreakLimit::Force(force),
+                scene.springs[0].breaks_at = Some(if by_strain {
+                    BreakLimit::Strain(force / (stiffness / 3.0))
+                } else {
+                    BreakLimit::Force(force)
                 });
                 scene.settings.duration = 0.35;
                 let scene = with(&scene, method, None, 2e-3);

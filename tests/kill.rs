@@ -82,9 +82,10 @@ fn survive(scene: &Scene, options: &str, kills: usize, random: &mut Random) -> u
                 "{code:?}"
             );
             killed += usize::from(code.is_none());
-            command = match has_checkpoint {
-                true => springs("resume killed", here),
-                false => springs(&run, here),
+            command = if has_checkpoint {
+                springs("resume killed", here)
+            } else {
+                springs(&run, here)
             };
         }
         assert_eq!(results(&here.join("killed")), expected, "{options}");

@@ -173,9 +173,10 @@ fn a_stop_keeps_what_there_is() {
     let mut begun = 0;
     let mut watch = |progress: springs::study::Progress<'_>| {
         begun += usize::from(progress.what.starts_with("velocity-verlet in"));
-        match begun > 9 {
-            true => ControlFlow::Break(()),
-            false => ControlFlow::Continue(()),
+        if begun > 9 {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
         }
     };
     let study = study(&scene(), &options(&[Method::VelocityVerlet]), &mut watch).unwrap();

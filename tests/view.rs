@@ -170,13 +170,14 @@ fn check(scene: &Scene) -> bool {
     assert_eq!(words[..k], Vec::from_iter(rest_lengths));
 
     let has_strain = !arrays["strain"].is_null();
-    let strains = match has_strain {
-        true => array(&page, "strain", &arrays["strain"]),
-        false => found
+    let strains = if has_strain {
+        array(&page, "strain", &arrays["strain"])
+    } else {
+        found
             .iter()
             .zip(words[k..].iter().cycle())
             .map(|(t, c)| t * c)
-            .collect(),
+            .collect()
     };
     assert_near(
         &strains,

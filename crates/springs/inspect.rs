@@ -31,7 +31,7 @@ pub fn skipped(scene: &Scene, islands: &Islands) -> Vec<Saving> {
     if islands.parts().len() > 1 {
         savings.add(
             format!(
-                "{} that do not feel each other",
+                "{} that are not coupled",
                 count(islands.parts().len(), "part")
             ),
             "one method, step and solver for all: each has its own, and they run side by side"

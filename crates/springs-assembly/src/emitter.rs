@@ -189,7 +189,7 @@ pub trait Emitter: Send + Sync {
 
     /// Hands over the numbers that its terms remember, always in the same order, to be
     /// saved or replaced.
-    fn visit_memory(&mut self, _visit: &mut dyn FnMut(&mut f64)) {}
+    fn each_memory(&mut self, _visit: &mut dyn FnMut(&mut f64)) {}
 
     /// Hands over its springs that are broken, by their indices in the list that it was
     /// made from, ascending.

@@ -441,9 +441,9 @@ impl<L: LengthLaw + Clone + Send + Sync> Emitter for Springs<L> {
         }
     }
 
-    fn visit_memory(&mut self, visit: &mut dyn FnMut(&mut f64)) {
+    fn each_memory(&mut self, visit: &mut dyn FnMut(&mut f64)) {
         for law in &mut self.laws {
-            law.visit_memory(visit);
+            law.each_memory(visit);
         }
     }
 

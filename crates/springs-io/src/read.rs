@@ -400,9 +400,10 @@ pub(crate) fn find_named<'a>(
 /// "there is no material `a`; known are b, c".
 fn no_such<'a>(what: &str, name: &str, known: impl Iterator<Item = &'a str>) -> String {
     let known: Vec<String> = known.map(printable).collect();
-    let known = match known.is_empty() {
-        true => "the scene has none".to_owned(),
-        false => format!("known are {}", known.join(", ")),
+    let known = if known.is_empty() {
+        "the scene has none".to_owned()
+    } else {
+        format!("known are {}", known.join(", "))
     };
     format!("there is no {what} `{}`; {known}", printable(name))
 }
@@ -485,10 +486,10 @@ fn settings(entry: SimulationEntry) -> Settings {
 
 fn options(entry: &SimulationEntry) -> RunOptions {
     let mut options = RunOptions::default();
-    if let Some(named) = &entry.solution {
+    if let Some(named) = &entry.linear_tolerance {
         options.linear_tolerance = named.0;
     }
     options.sleep = entry.sleep.map(|real| real.0);
-    options.substeps = entry.rescue;
+    options.substeps = entry.substeps;
     options
 }

@@ -32,8 +32,8 @@ pub struct Report {
     /// Changes of method during the run.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub switches: Vec<SwitchReport>,
-    /// How each part is simulated, where the scene falls into several that do
-    /// not feel each other. Method, tangent and step size above are then those
+    /// How each part is simulated, where the scene falls into several that are
+    /// not coupled. Method, tangent and step size above are then those
     /// of the largest, and `steps` the most that one made.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub islands: Vec<IslandReport>,

@@ -133,9 +133,10 @@ impl<'de> Deserialize<'de> for Held {
                         _ => return Err(E::invalid_value(de::Unexpected::Str(text), &self)),
                     }
                 }
-                match text.is_empty() {
-                    true => Err(E::invalid_value(de::Unexpected::Str(text), &self)),
-                    false => Ok(Held(held)),
+                if text.is_empty() {
+                    Err(E::invalid_value(de::Unexpected::Str(text), &self))
+                } else {
+                    Ok(Held(held))
                 }
             }
         }
@@ -153,10 +154,11 @@ pub(crate) struct SimulationEntry {
     pub(crate) tolerance: Option<Real>,
     pub(crate) duration: Option<Real>,
     pub(crate) start: Option<Named<springs_scene::Start>>,
-    pub(crate) solution: Option<Named<springs_scene::LinearTolerance>>,
+    #[serde(alias = "solution")]
+    pub(crate) linear_tolerance: Option<Named<springs_scene::LinearTolerance>>,
     pub(crate) sleep: Option<Real>,
-    #[serde(default)]
-    pub(crate) rescue: bool,
+    #[serde(default, alias = "rescue")]
+    pub(crate) substeps: bool,
 }
 
 /// A version that this crate can read.

@@ -147,7 +147,7 @@ impl SpringReader<'_, '_> {
         self.findings.push(path, message, advice);
     }
 
-    fn words(&self, owner: Owner) -> String {
+    fn text(&self, owner: Owner) -> String {
         match owner {
             Owner::Spring(index) => format!("spring {index}"),
             Owner::Material(index) => format!("material `{}`", printable(&self.materials[index].0)),
@@ -159,7 +159,7 @@ impl SpringReader<'_, '_> {
         let mut given = fields.into_iter().flatten();
         let first = given.next();
         if let (Some((first, _)), Some((second, _))) = (first, given.next()) {
-            let message = format!("{} has both {first} and {second}", self.words(owner));
+            let message = format!("{} has both {first} and {second}", self.text(owner));
             self.find(owner.path(second), message, Some(OTHERWISE));
         }
         first
@@ -196,9 +196,9 @@ impl SpringReader<'_, '_> {
         if let (Owner::Material(_), Some(limit)) = (owner, entry.breaks_at.map(LimitEntry::limit))
             && !limit.is_possible()
         {
-            let (words, name, value) = (self.words(owner), limit.name(), limit.value());
+            let (text, name, value) = (self.text(owner), limit.name(), limit.value());
             let message = format!(
-                "the {name} at which springs of {words} break must not be negative, but is {value}"
+                "the {name} at which springs of {text} break must not be negative, but is {value}"
             );
             self.find(owner.path("breaks_at"), message, None);
         }
@@ -206,8 +206,8 @@ impl SpringReader<'_, '_> {
         if let (Some(law), Some((field, _))) = (&law, axial_of(entry).into_iter().flatten().next())
             && law.own_axial_stiffness().is_some()
         {
-            let (words, law) = (self.words(owner), law.name());
-            let message = format!("the law of {words}, `{law}`, gives tensions in N by itself");
+            let (text, law) = (self.text(owner), law.name());
+            let message = format!("the law of {text}, `{law}`, gives tensions in N by itself");
             let advice = format!("leave out {field}");
             self.find(owner.path(field), message, Some(&advice));
         }
@@ -215,8 +215,8 @@ impl SpringReader<'_, '_> {
 
     fn out_of_range(&mut self, owner: Owner, field: &'static str, must: &str, value: f64) {
         let name = field.replace('_', " ");
-        let words = self.words(owner);
-        let message = format!("the {name} of {words} must {must}, but is {value}");
+        let text = self.text(owner);
+        let message = format!("the {name} of {text} must {must}, but is {value}");
         self.find(owner.path(field), message, None);
     }
 

@@ -137,13 +137,13 @@ fn write_text(scene: &Scene, options: &RunOptions, text: &mut dyn Write) -> io::
     }
     fields += &format!("duration: {}", number(settings.duration));
     if options.linear_tolerance != LinearTolerance::Sufficient {
-        fields += &format!(", solution: {}", options.linear_tolerance.name());
+        fields += &format!(", linear_tolerance: {}", options.linear_tolerance.name());
     }
     if let Some(sleep) = options.sleep {
         fields += &format!(", sleep: {}", number(sleep));
     }
     if options.substeps {
-        fields += ", rescue: true";
+        fields += ", substeps: true";
     }
     writeln!(text, "    simulation: ({fields}),\n)")
 }

@@ -71,7 +71,7 @@ pub trait LengthLaw {
 
     /// Hands over the numbers that it remembers, always in the same order, to be saved or
     /// replaced.
-    fn visit_memory(&mut self, _visit: &mut dyn FnMut(&mut f64)) {}
+    fn each_memory(&mut self, _visit: &mut dyn FnMut(&mut f64)) {}
 }
 
 impl<L: LengthLaw> LengthLaw for &L {

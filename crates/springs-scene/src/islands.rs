@@ -1,4 +1,4 @@
-//! Parts of a scene that do not feel each other.
+//! Parts of a scene that are not coupled.
 
 use crate::Scene;
 
@@ -26,7 +26,7 @@ pub struct Partition {
 }
 
 impl Scene {
-    /// Cuts the scene into parts that do not feel each other.
+    /// Cuts the scene into parts that are not coupled.
     ///
     /// # Panics
     ///

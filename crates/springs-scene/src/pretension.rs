@@ -92,9 +92,12 @@ pub fn rest_length_under(
             (axial, blend..=f64::INFINITY)
         }
         SpringLaw::Bilinear { compression, blend } => {
-            let of_side = |is_pulled| match is_pulled {
-                true => axial,
-                false => AxialStiffness::OfSpring(compression),
+            let of_side = |is_pulled| {
+                if is_pulled {
+                    axial
+                } else {
+                    AxialStiffness::OfSpring(compression)
+                }
             };
             let [here, there] = [is_pulled, !is_pulled].map(of_side);
             let rest_length = linear(tension, length, here)?;

@@ -3,12 +3,12 @@
 use crate::direct::Direct;
 use crate::iterative::{ConjugateGradients, Ending, Multilevel, Rows, Until};
 use crate::strategy::Chooser;
-use crate::{Counts, Experience, Interrupt, Options, Price, SolveError};
+use crate::{Counts, Interrupt, Options, Price, SolveError, StrategyState};
 
 /// A solver for one dimension of blocks, of matrices with 3 × 3 blocks; off the
 /// diagonal they have N numbers.
 pub(crate) trait Dimension<const N: usize>: Send + Sync {
-    fn experience(&mut self) -> &mut Experience;
+    fn strategy_state(&mut self) -> &mut StrategyState;
 
     fn set_interrupt(&mut self, interrupt: &Interrupt);
 
@@ -52,7 +52,7 @@ impl<const D: usize, const P: usize, const Q: usize> Core<D, P, Q> {
     ) -> Result<Self, SolveError> {
         let direct = Direct::<D, P>::new(n_blocks, pairs, options)?;
         let iteration = Price::of_iteration::<P, Q>(n_blocks, pairs.len());
-        let chooser = Chooser::new(&direct, iteration, options.route);
+        let chooser = Chooser::new(&direct, iteration, options.strategy);
         let iterative = if chooser.may_iterate() {
             Some(Iterative::new(n_blocks, pairs, options)?)
         } else {
@@ -75,7 +75,7 @@ impl<const D: usize, const P: usize, const Q: usize> Core<D, P, Q> {
     ) -> Result<Price, SolveError> {
         let direct = Direct::<D, P>::new(n_blocks, pairs, options)?;
         let iteration = Price::of_iteration::<P, Q>(n_blocks, pairs.len());
-        let chooser = Chooser::new(&direct, iteration, options.route);
+        let chooser = Chooser::new(&direct, iteration, options.strategy);
         Ok(chooser.price())
     }
 
@@ -93,8 +93,8 @@ impl<const D: usize, const P: usize, const Q: usize> Core<D, P, Q> {
         sum.ok_or(SolveError::TooLarge { n_blocks })
     }
 
-    pub(crate) fn experience(&mut self) -> &mut Experience {
-        &mut self.chooser.experience
+    pub(crate) fn strategy_state(&mut self) -> &mut StrategyState {
+        &mut self.chooser.strategy_state
     }
 
     pub(crate) fn set_interrupt(&mut self, interrupt: &Interrupt) {
@@ -150,7 +150,7 @@ impl<const D: usize, const P: usize, const Q: usize> Core<D, P, Q> {
     /// Makes a factor of a matrix that was to be solved by iteration.
     fn factorize_instead(&mut self) -> Result<(), SolveError> {
         self.is_iterative = false;
-        let iterative = self.iterative.as_ref().expect("made with the route");
+        let iterative = self.iterative.as_ref().expect("made with the strategy");
         let matrix = &iterative.matrix;
         let off_diagonal = matrix.by_pair().ok_or(SolveError::TooLarge {
             n_blocks: matrix.n_blocks(),
@@ -194,7 +194,7 @@ impl<const D: usize, const P: usize, const Q: usize> Core<D, P, Q> {
             gradients,
             solution,
             multilevel,
-        } = self.iterative.as_mut().expect("made with the route");
+        } = self.iterative.as_mut().expect("made with the strategy");
         let before = gradients.iterations;
         gradients.residual.copy_from_slice(b);
         let until = Until {
@@ -234,8 +234,8 @@ impl<const D: usize, const P: usize, const Q: usize> Iterative<D, P, Q> {
 }
 
 impl<const N: usize> Dimension<N> for Core<3, 6, N> {
-    fn experience(&mut self) -> &mut Experience {
-        self.experience()
+    fn strategy_state(&mut self) -> &mut StrategyState {
+        self.strategy_state()
     }
 
     fn set_interrupt(&mut self, interrupt: &Interrupt) {

@@ -3,7 +3,7 @@
 //! [`Solver::analyze`] orders the graph of blocks and factorizes symbolically,
 //! once; [`Solver::set_matrix`] and [`Solver::solve_in_place`] then do numeric
 //! work only and, on one thread, allocate nothing once warm. There are two
-//! [routes](Route): a factor, and conjugate gradients with a multilevel
+//! [strategies](Strategy): a factor, and conjugate gradients with a multilevel
 //! preconditioner, which takes far less time and memory for large matrices that
 //! are not extremely stiff.
 //!
@@ -41,7 +41,7 @@ pub use interrupt::Interrupt;
 pub use ordering::elimination_order;
 pub use packing::{OffDiagonal, Packing};
 pub use solver::Solver;
-pub use strategy::{Price, Route};
+pub use strategy::{Price, Strategy};
 pub use subspace::Subspace;
 
 /// How systems are to be solved.
@@ -55,7 +55,7 @@ pub struct Options<'a> {
     /// number of them.
     pub threads: usize,
     /// Which way.
-    pub route: Route,
+    pub strategy: Strategy,
     /// Where solutions are known to lie.
     pub subspace: Subspace,
     /// What the off-diagonal blocks are like.
@@ -68,7 +68,7 @@ impl Default for Options<'_> {
         Self {
             positions: None,
             threads: 1,
-            route: Route::Double,
+            strategy: Strategy::Double,
             subspace: Subspace::Space,
             packing: Packing::Symmetric,
         }
@@ -88,10 +88,10 @@ pub struct Counts {
 }
 
 /// What a solver has learned of the last matrices, on which its next choice of a
-/// route depends.
+/// strategy depends.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
-pub struct Experience {
+pub struct StrategyState {
     /// Iterations of the last matrix, for all right-hand sides.
     pub iterations: f64,
     /// Right-hand sides that it was solved for by iteration.

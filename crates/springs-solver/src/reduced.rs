@@ -2,7 +2,7 @@
 
 use crate::block::{dot, is_symmetric, place, times};
 use crate::core::{Core, Dimension};
-use crate::{Counts, Experience, Interrupt, Options, SolveError};
+use crate::{Counts, Interrupt, Options, SolveError, StrategyState};
 
 /// A solver of matrices in a subspace.
 pub(crate) struct Reduced<const D: usize, const P: usize, const Q: usize> {
@@ -93,8 +93,8 @@ impl<const D: usize, const P: usize, const Q: usize> Reduced<D, P, Q> {
 impl<const D: usize, const P: usize, const Q: usize, const N: usize> Dimension<N>
     for Reduced<D, P, Q>
 {
-    fn experience(&mut self) -> &mut Experience {
-        self.core.experience()
+    fn strategy_state(&mut self) -> &mut StrategyState {
+        self.core.strategy_state()
     }
 
     fn set_interrupt(&mut self, interrupt: &Interrupt) {

@@ -4,7 +4,7 @@ use crate::core::{Core, Dimension};
 use crate::packing::Upper;
 use crate::reduced::{Reduced, RightHandSide};
 use crate::{
-    Counts, Experience, Interrupt, OffDiagonal, Options, Packing, Price, SolveError, Subspace,
+    Counts, Interrupt, OffDiagonal, Options, Packing, Price, SolveError, StrategyState, Subspace,
 };
 
 /// A solver of A x = b with matrices of one pattern.
@@ -35,7 +35,7 @@ enum Kind {
 }
 
 impl Solver {
-    /// Orders and factorizes symbolically, and decides on the route to begin
+    /// Orders and factorizes symbolically, and decides on the strategy to begin
     /// with.
     ///
     /// `pairs` are the coupled blocks, each pair once, in the order in which
@@ -125,10 +125,10 @@ impl Solver {
     }
 
     /// What it has learned of the last matrices.
-    pub fn experience(&mut self) -> &mut Experience {
+    pub fn strategy_state(&mut self) -> &mut StrategyState {
         match &mut self.kind {
-            Kind::Symmetric(solver) => solver.experience(),
-            Kind::General(solver, _) => solver.experience(),
+            Kind::Symmetric(solver) => solver.strategy_state(),
+            Kind::General(solver, _) => solver.strategy_state(),
         }
     }
 

@@ -1,12 +1,12 @@
 //! Which way a system is solved.
 
-use crate::Experience;
+use crate::StrategyState;
 use crate::direct::Direct;
 
 /// Which way systems are solved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
-pub enum Route {
+pub enum Strategy {
     /// With a factor in double precision.
     Double,
     /// By conjugate gradients without a factor, with a multilevel
@@ -51,14 +51,14 @@ impl Price {
     }
 }
 
-/// Chooses the route of each matrix. Clocks decide nothing: the same matrices
+/// Chooses the strategy of each matrix. Clocks decide nothing: the same matrices
 /// are solved the same way on every machine.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Chooser {
-    asked: Route,
+    asked: Strategy,
     direct_price: Price,
     iteration: f64,
-    pub(crate) experience: Experience,
+    pub(crate) strategy_state: StrategyState,
 }
 
 /// Iterations that a matrix is expected to take.
@@ -78,24 +78,24 @@ impl Chooser {
     pub(crate) fn new<const D: usize, const P: usize>(
         direct: &Direct<D, P>,
         iteration: f64,
-        asked: Route,
+        asked: Strategy,
     ) -> Self {
         let size = direct.size();
         let mut chooser = Self {
             asked: if direct.is_tree() {
-                Route::Double
+                Strategy::Double
             } else {
                 asked
             },
             direct_price: Price::with_factor(size.entries, size.flops),
             iteration,
-            experience: Experience {
+            strategy_state: StrategyState {
                 next_pause: FIRST_PAUSE,
-                ..Experience::default()
+                ..StrategyState::default()
             },
         };
-        if chooser.asked == Route::Auto && !chooser.is_cheap(USUAL_ITERATIONS, 1) {
-            chooser.asked = Route::Double;
+        if chooser.asked == Strategy::Auto && !chooser.is_cheap(USUAL_ITERATIONS, 1) {
+            chooser.asked = Strategy::Double;
         }
         chooser
     }
@@ -112,7 +112,7 @@ impl Chooser {
 
     /// Whether iteration without a factor is ever wanted.
     pub(crate) fn may_iterate(&self) -> bool {
-        self.asked != Route::Double
+        self.asked != Strategy::Double
     }
 
     pub(crate) fn price(&self) -> Price {
@@ -129,17 +129,17 @@ impl Chooser {
 
     /// Whether the next matrix is solved by iteration.
     pub(crate) fn next(&mut self) -> bool {
-        let last = self.experience;
+        let last = self.strategy_state;
         let is_dear = !self.is_cheap(last.iterations, last.solutions);
-        let now = &mut self.experience;
-        if last.is_iterative && self.asked == Route::Auto {
+        let now = &mut self.strategy_state;
+        if last.is_iterative && self.asked == Strategy::Auto {
             now.next_pause = FIRST_PAUSE;
             if is_dear {
                 now.pause = last.next_pause;
                 now.next_pause = last.next_pause.saturating_mul(2).min(LONGEST_PAUSE);
             }
         }
-        let is_iterative = now.pause == 0 && self.asked != Route::Double;
+        let is_iterative = now.pause == 0 && self.asked != Strategy::Double;
         now.pause = now.pause.saturating_sub(1);
         (now.iterations, now.solutions) = (0.0, 0);
         now.is_iterative = is_iterative;
@@ -148,18 +148,18 @@ impl Chooser {
 
     /// Takes note of a solution by iteration.
     pub(crate) fn record(&mut self, iterations: u64) {
-        self.experience.iterations += iterations as f64;
-        self.experience.solutions = self.experience.solutions.saturating_add(1);
+        self.strategy_state.iterations += iterations as f64;
+        self.strategy_state.solutions = self.strategy_state.solutions.saturating_add(1);
     }
 
     /// Iterations after which the next solution is given up.
     pub(crate) fn most_iterations(&self) -> usize {
-        let last = self.experience;
+        let last = self.strategy_state;
         let with_factor = self.with_factor(last.solutions.saturating_add(1));
         let most = (PATIENCE * with_factor / self.iteration).ceil() - last.iterations;
         match self.asked {
             // The cast makes zero of what is negative.
-            Route::Auto => most as usize,
+            Strategy::Auto => most as usize,
             _ => MOST_ITERATIONS as usize,
         }
     }

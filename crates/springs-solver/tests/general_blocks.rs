@@ -1,7 +1,7 @@
 //! Off-diagonal blocks of nine numbers: solutions are those of dense matrices.
 
 use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, SVector, Vector3};
-use springs_solver::{OffDiagonal, Options, Packing, Route, SolveError, Solver, Subspace};
+use springs_solver::{OffDiagonal, Options, Packing, SolveError, Solver, Strategy, Subspace};
 
 type Pairs = Vec<[u32; 2]>;
 
@@ -112,9 +112,9 @@ fn relative_error(
     norm(&(DVector::from_vec(x) - &expected)) / norm(&expected)
 }
 
-fn general(route: Route, subspace: Subspace) -> Options<'static> {
+fn general(strategy: Strategy, subspace: Subspace) -> Options<'static> {
     Options {
-        route,
+        strategy,
         subspace,
         packing: Packing::General,
         ..Options::default()
@@ -151,13 +151,13 @@ fn solutions_equal_dense_ones_on_every_route_and_in_every_subspace() {
     ] {
         for (subspace, basis) in subspaces() {
             let matrix = matrix(n_blocks, &pairs, &basis);
-            for route in [Route::Double, Route::Iterative, Route::Auto] {
-                let options = general(route, subspace);
+            for strategy in [Strategy::Double, Strategy::Iterative, Strategy::Auto] {
+                let options = general(strategy, subspace);
                 let error = relative_error(&pairs, &matrix, &basis, options);
                 // The accuracy asked for, and rounding times the root of the condition.
                 assert!(
                     error < 1e-10,
-                    "{n_blocks} blocks, {route:?}, {subspace:?}: {error:e}"
+                    "{n_blocks} blocks, {strategy:?}, {subspace:?}: {error:e}"
                 );
             }
         }
@@ -169,8 +169,8 @@ fn solutions_equal_dense_ones_on_every_route_and_in_every_subspace() {
 fn a_turned_pair_has_the_transposed_block() {
     for (n_blocks, pairs) in [(60, tree(60)), (100, grid(10))] {
         let mut matrix = matrix(n_blocks, &pairs, &Matrix3::identity());
-        let solution = |pairs: &[[u32; 2]], matrix: &Matrix, route| {
-            let options = general(route, Subspace::Space);
+        let solution = |pairs: &[[u32; 2]], matrix: &Matrix, strategy| {
+            let options = general(strategy, Subspace::Space);
             let mut solver = Solver::analyze(n_blocks, pairs, options).unwrap();
             let (diagonal, blocks) = (&matrix.diagonal, &matrix.off_diagonal);
             solver.set_matrix(diagonal, blocks).unwrap();
@@ -178,8 +178,8 @@ fn a_turned_pair_has_the_transposed_block() {
             solver.solve_in_place(&mut x, 1e-12).unwrap();
             x
         };
-        let routes = [Route::Double, Route::Iterative];
-        let before = routes.map(|route| solution(&pairs, &matrix, route));
+        let strategies = [Strategy::Double, Strategy::Iterative];
+        let before = strategies.map(|strategy| solution(&pairs, &matrix, strategy));
         let turned: Pairs = pairs.iter().map(|&[a, b]| [b, a]).collect();
         for block in &mut matrix.off_diagonal {
             let [xx, xy, xz, yx, yy, yz, zx, zy, zz] = *block;
@@ -187,7 +187,7 @@ fn a_turned_pair_has_the_transposed_block() {
         }
         assert_eq!(
             before,
-            routes.map(|route| solution(&turned, &matrix, route))
+            strategies.map(|strategy| solution(&turned, &matrix, strategy))
         );
     }
 }
@@ -211,7 +211,7 @@ fn nine_numbers_of_symmetric_blocks_give_the_same_bits() {
         }
         let nine = |&[xx, xy, xz, yy, yz, zz]: &[f64; 6]| [xx, xy, xz, xy, yy, yz, xz, yz, zz];
         let nine: Vec<[f64; 9]> = six.iter().map(nine).collect();
-        for route in [Route::Double, Route::Iterative] {
+        for strategy in [Strategy::Double, Strategy::Iterative] {
             let [first, second] =
                 [OffDiagonal::from(&six), OffDiagonal::from(&nine)].map(|blocks| {
                     let packing = match blocks {
@@ -220,7 +220,7 @@ fn nine_numbers_of_symmetric_blocks_give_the_same_bits() {
                     };
                     let options = Options {
                         packing,
-                        route,
+                        strategy,
                         ..Options::default()
                     };
                     let mut solver = Solver::analyze(n_blocks, &pairs, options).unwrap();
@@ -229,7 +229,7 @@ fn nine_numbers_of_symmetric_blocks_give_the_same_bits() {
                     solver.solve_in_place(&mut x, 1e-11).unwrap();
                     x
                 });
-            assert_eq!(first, second, "{n_blocks} blocks, {route:?}");
+            assert_eq!(first, second, "{n_blocks} blocks, {strategy:?}");
         }
     }
 }
@@ -238,11 +238,11 @@ fn nine_numbers_of_symmetric_blocks_give_the_same_bits() {
 fn any_number_of_threads_gives_the_same_bits() {
     let pairs = grid(30);
     let matrix = matrix(900, &pairs, &Matrix3::identity());
-    for route in [Route::Double, Route::Iterative] {
+    for strategy in [Strategy::Double, Strategy::Iterative] {
         let [alone, together] = [1, 3].map(|threads| {
             let options = Options {
                 threads,
-                ..general(route, Subspace::Space)
+                ..general(strategy, Subspace::Space)
             };
             let mut solver = Solver::analyze(900, &pairs, options).unwrap();
             let (diagonal, blocks) = (&matrix.diagonal, &matrix.off_diagonal);
@@ -251,7 +251,7 @@ fn any_number_of_threads_gives_the_same_bits() {
             solver.solve_in_place(&mut x, 1e-11).unwrap();
             x
         });
-        assert_eq!(alone, together, "{route:?}");
+        assert_eq!(alone, together, "{strategy:?}");
     }
 }
 
@@ -259,8 +259,8 @@ fn any_number_of_threads_gives_the_same_bits() {
 fn indefinite_matrices_are_found() {
     let pairs = grid(7);
     let sound = matrix(49, &pairs, &Matrix3::identity());
-    for route in [Route::Double, Route::Iterative] {
-        let options = general(route, Subspace::Space);
+    for strategy in [Strategy::Double, Strategy::Iterative] {
+        let options = general(strategy, Subspace::Space);
         let mut solver = Solver::analyze(49, &pairs, options).unwrap();
         let mut diagonal = sound.diagonal.clone();
         diagonal[20][3] = -1e9;
@@ -279,6 +279,6 @@ fn blocks_of_another_packing_are_refused() {
 #[test]
 #[should_panic(expected = "multiples of the identity")]
 fn general_blocks_are_no_multiples_of_the_identity() {
-    let options = general(Route::Double, Subspace::Isotropic);
+    let options = general(Strategy::Double, Subspace::Isotropic);
     let _ = Solver::analyze(2, &[[0, 1]], options);
 }

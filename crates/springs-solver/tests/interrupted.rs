@@ -1,6 +1,6 @@
 //! A solver that is asked to stop does so, and is as good as new afterwards.
 
-use springs_solver::{Interrupt, Options, Route, SolveError, Solver};
+use springs_solver::{Interrupt, Options, SolveError, Solver, Strategy};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
@@ -45,13 +45,13 @@ fn solved(solver: &mut Solver, n_pairs: usize, diagonal: f64) -> Result<Vec<f64>
 #[test]
 fn work_under_way_ends() {
     let pairs = grid();
-    for (route, threads) in [
-        (Route::Double, 1),
-        (Route::Double, 2),
-        (Route::Iterative, 1),
+    for (strategy, threads) in [
+        (Strategy::Double, 1),
+        (Strategy::Double, 2),
+        (Strategy::Iterative, 1),
     ] {
         let options = Options {
-            route,
+            strategy,
             threads,
             ..Options::default()
         };
@@ -70,10 +70,10 @@ fn work_under_way_ends() {
             let result = solved(&mut solver, pairs.len(), 6.001);
             let was_raised = flag.load(Ordering::SeqCst);
             raise.join().unwrap();
-            assert!(was_raised || result.is_ok(), "{route:?}");
+            assert!(was_raised || result.is_ok(), "{strategy:?}");
             result == Err(SolveError::Interrupted)
         });
-        assert!(interrupted, "{route:?} with {threads} threads");
+        assert!(interrupted, "{strategy:?} with {threads} threads");
         let solve = |solver: &mut Solver| solver.solve_in_place(&mut vec![1.0; 3 * N_BLOCKS], 1e-3);
         assert_eq!(solve(&mut solver), Err(SolveError::NoMatrix));
         flag.store(false, Ordering::SeqCst);

@@ -1,8 +1,8 @@
 //! A solver answers from the last matrix that it took, and from no other.
 
-use springs_solver::{Options, Route, SolveError, Solver, Subspace};
+use springs_solver::{Options, SolveError, Solver, Strategy, Subspace};
 
-const ROUTES: [Route; 3] = [Route::Double, Route::Iterative, Route::Auto];
+const ROUTES: [Strategy; 3] = [Strategy::Double, Strategy::Iterative, Strategy::Auto];
 
 const SUBSPACES: [Subspace; 4] = [
     Subspace::Space,
@@ -25,10 +25,10 @@ fn graphs() -> [Vec<[u32; 2]>; 2] {
 
 fn in_all_ways(check: impl Fn(Solver, usize)) {
     for pairs in graphs() {
-        for route in ROUTES {
+        for strategy in ROUTES {
             for subspace in SUBSPACES {
                 let options = Options {
-                    route,
+                    strategy,
                     subspace,
                     ..Options::default()
                 };
@@ -76,7 +76,7 @@ fn what_a_solution_found_out_is_remembered() {
     let mut pairs: Vec<[u32; 2]> = (1..400).map(|block| [block - 1, block]).collect();
     pairs.push([399, 0]);
     let options = Options {
-        route: Route::Iterative,
+        strategy: Strategy::Iterative,
         ..Options::default()
     };
     let mut solver = Solver::analyze(400, &pairs, options).unwrap();

@@ -1,6 +1,6 @@
 //! Iteration is compared with a factor for all right-hand sides of a matrix.
 
-use springs_solver::{Options, Route, Solver};
+use springs_solver::{Options, Solver, Strategy};
 
 /// A cube of blocks, each joined with its neighbours.
 fn cube(side: u32) -> (Vec<[f64; 3]>, Vec<[u32; 2]>) {
@@ -21,7 +21,7 @@ fn factorizations(side: u32, stiffness: f64, n_solutions: u32) -> u64 {
     let (positions, pairs) = cube(side);
     let options = Options {
         positions: Some(&positions),
-        route: Route::Auto,
+        strategy: Strategy::Auto,
         ..Options::default()
     };
     let isotropic = |s: f64| [s, 0.0, 0.0, s, 0.0, s];

@@ -1,7 +1,7 @@
 //! A matrix that is singular but for rounding is refused, however its rounding
-//! falls out: in every direction, on every route and in every kind of front.
+//! falls out: in every direction, on every strategy and in every kind of front.
 
-use springs_solver::{Options, Route, SolveError, Solver, Subspace};
+use springs_solver::{Options, SolveError, Solver, Strategy, Subspace};
 
 type Vector = [f64; 3];
 
@@ -126,7 +126,7 @@ fn collinear(n_blocks: usize, pairs: Vec<[u32; 2]>, k: f64, across: f64, n: Vect
     matrix
 }
 
-const ROUTES: [Route; 3] = [Route::Double, Route::Iterative, Route::Auto];
+const ROUTES: [Strategy; 3] = [Strategy::Double, Strategy::Iterative, Strategy::Auto];
 
 /// Nothing holds the massless node across; as soon as something does, there is a
 /// solution. Trees, small fronts and dense ones, stiffness from 1e-4 to 1e8.
@@ -138,9 +138,9 @@ fn a_massless_node_between_collinear_springs_is_found_in_every_direction() {
         (12, complete(12), 300),
         (40, complete(40), 30),
     ] {
-        for route in ROUTES {
+        for strategy in ROUTES {
             let options = Options {
-                route,
+                strategy,
                 ..Options::default()
             };
             let mut solver = Solver::analyze(n_blocks, &pairs, options).unwrap();
@@ -154,9 +154,13 @@ fn a_massless_node_between_collinear_springs_is_found_in_every_direction() {
                 let expected = Err(SolveError::NotPositiveDefinite { block: 1 });
                 assert_eq!(
                     found, expected,
-                    "{n_blocks} blocks, {route:?}, {k} along {n:?}"
+                    "{n_blocks} blocks, {strategy:?}, {k} along {n:?}"
                 );
-                assert_eq!(solve(1e-6), Ok(()), "{n_blocks} blocks, {route:?}, {n:?}");
+                assert_eq!(
+                    solve(1e-6),
+                    Ok(()),
+                    "{n_blocks} blocks, {strategy:?}, {n:?}"
+                );
             }
         }
     }

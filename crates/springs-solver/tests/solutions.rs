@@ -1,7 +1,7 @@
-//! Solutions of all routes beside those of dense matrices, and what is refused.
+//! Solutions of all strategies beside those of dense matrices, and what is refused.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
-use springs_solver::{Options, Route, SolveError, Solver, Subspace};
+use springs_solver::{Options, SolveError, Solver, Strategy, Subspace};
 
 /// A positive definite matrix: for every pair a block B that couples as
 /// [[B, −B], [−B, B]], and the identity.
@@ -131,13 +131,13 @@ fn a_non_positive_pivot_names_its_block() {
 #[test]
 fn every_route_is_as_accurate_as_asked_for() {
     let pairs = grid(30);
-    for (route, stiffness) in [
-        (Route::Double, 1e8),
-        (Route::Iterative, 1.0),
-        (Route::Iterative, 1e4),
+    for (strategy, stiffness) in [
+        (Strategy::Double, 1e8),
+        (Strategy::Iterative, 1.0),
+        (Strategy::Iterative, 1e4),
     ] {
         let options = Options {
-            route,
+            strategy,
             ..Options::default()
         };
         let (mut diagonal, mut off_diagonal) = matrix(900, &pairs);
@@ -160,7 +160,10 @@ fn every_route_is_as_accurate_as_asked_for() {
         let error = DVector::from_vec(x) - &expected;
         let norm = |x: &DVector<f64>| x.dot(&(&dense * x)).sqrt();
         let relative = norm(&error) / norm(&expected);
-        assert!(relative < 1e-10, "{route:?}, {stiffness:e}: {relative:e}");
+        assert!(
+            relative < 1e-10,
+            "{strategy:?}, {stiffness:e}: {relative:e}"
+        );
     }
 }
 
@@ -169,7 +172,7 @@ fn every_route_is_as_accurate_as_asked_for() {
 fn iteration_finds_indefinite_matrices() {
     let pairs = grid(20);
     let options = Options {
-        route: Route::Iterative,
+        strategy: Strategy::Iterative,
         ..Options::default()
     };
     let mut solver = Solver::analyze(400, &pairs, options).unwrap();
@@ -207,7 +210,7 @@ fn stalled_iteration_falls_back_to_a_factor() {
     let n_blocks = positions.len();
     let options = Options {
         positions: Some(&positions),
-        route: Route::Auto,
+        strategy: Strategy::Auto,
         ..Options::default()
     };
     let mut solver = Solver::analyze(n_blocks, &pairs, options).unwrap();
@@ -314,11 +317,11 @@ fn any_number_of_threads_gives_the_same_bits() {
     let positions: Vec<[f64; 3]> = (0..3600)
         .map(|block| [f64::from(block % 60), f64::from(block / 60), 0.0])
         .collect();
-    let solution = |route, threads| {
+    let solution = |strategy, threads| {
         let options = Options {
             positions: Some(&positions),
             threads,
-            route,
+            strategy,
             ..Options::default()
         };
         let mut solver = Solver::analyze(3600, &pairs, options).unwrap();
@@ -327,11 +330,11 @@ fn any_number_of_threads_gives_the_same_bits() {
         solver.solve_in_place(&mut x, 1e-11).unwrap();
         x
     };
-    for route in [Route::Double, Route::Iterative] {
-        let alone = solution(route, 1);
+    for strategy in [Strategy::Double, Strategy::Iterative] {
+        let alone = solution(strategy, 1);
         for threads in [2, 3, 8] {
-            let together = solution(route, threads);
-            assert_eq!(alone, together, "{route:?}, {threads} threads");
+            let together = solution(strategy, threads);
+            assert_eq!(alone, together, "{strategy:?}, {threads} threads");
         }
     }
 }

@@ -211,12 +211,13 @@ impl fmt::Display for Suspect {
             f,
             "spring {spring} of {stiffness:?} N/m was {length:.3e} m long"
         )?;
-        match *stable_step > 0.0 {
-            true => write!(
+        if *stable_step > 0.0 {
+            write!(
                 f,
                 " and explicit methods need steps below {stable_step:.1e} s"
-            ),
-            false => Ok(()),
+            )
+        } else {
+            Ok(())
         }
     }
 }

@@ -1,6 +1,6 @@
 //! What dashpots and moving anchors take and give in a step.
 
-use crate::{HiddenState, State};
+use crate::{Archive, State};
 use nalgebra::Vector3;
 use springs_assembly::{Lines, System};
 use std::ops::{Add, AddAssign};
@@ -57,10 +57,10 @@ impl Flows {
         }
     }
 
-    pub(crate) fn visit(&mut self, state: &mut HiddenState) {
-        self.heat.iter_mut().for_each(|heat| state.real(heat));
-        state.real(&mut self.anchor_work);
-        state.real(&mut self.load_work);
+    pub(crate) fn archive(&mut self, archive: &mut Archive) {
+        self.heat.iter_mut().for_each(|heat| archive.real(heat));
+        archive.real(&mut self.anchor_work);
+        archive.real(&mut self.load_work);
     }
 
     /// The same flows at another rate, or over another time.

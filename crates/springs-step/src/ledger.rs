@@ -1,6 +1,6 @@
 //! Where the energy went.
 
-use crate::{Flows, HiddenState, State};
+use crate::{Archive, Flows, State};
 use springs_assembly::{Energy, Lines, System};
 
 /// Energy at the start and the flows since then, in J.
@@ -38,11 +38,11 @@ impl Ledger {
     }
 
     /// The flows; the start is that of the scene.
-    pub(crate) fn visit(&mut self, state: &mut HiddenState) {
-        self.heat.iter_mut().for_each(|heat| state.real(heat));
-        state.real(&mut self.anchor_work);
-        state.real(&mut self.load_work);
-        state.real(&mut self.broken_energy);
+    pub(crate) fn archive(&mut self, archive: &mut Archive) {
+        self.heat.iter_mut().for_each(|heat| archive.real(heat));
+        archive.real(&mut self.anchor_work);
+        archive.real(&mut self.load_work);
+        archive.real(&mut self.broken_energy);
     }
 
     /// The ledger of several systems together.

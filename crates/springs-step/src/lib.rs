@@ -21,10 +21,10 @@
 //! ```
 
 mod anchors;
+mod archive;
 mod control;
 mod error;
 mod flows;
-mod hidden;
 mod implicit;
 mod ledger;
 mod method;
@@ -35,12 +35,12 @@ mod vectors;
 mod work;
 
 pub use anchors::Anchors;
+pub use archive::{Archive, ForeignState};
 pub use control::choice::{Choice, Pace};
 pub use control::costs::CostModel;
 pub use control::plan::StepPlan;
 pub use error::{Cause, MethodError, SetupError, StepError, Suspect};
 pub use flows::Flows;
-pub use hidden::{ForeignState, HiddenState};
 pub use implicit::solver_options::solver_memory;
 pub use ledger::Ledger;
 pub use method::dop853::Dop853;

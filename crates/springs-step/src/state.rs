@@ -1,6 +1,6 @@
 //! Positions and velocities, in the order of the scene and of the unknowns.
 
-use crate::HiddenState;
+use crate::Archive;
 use nalgebra::Vector3;
 use springs_assembly::System;
 use springs_scene::Scene;
@@ -31,9 +31,9 @@ impl NodeStates {
         states.position(|(x, v)| !has_square(x) || !has_square(v))
     }
 
-    pub(crate) fn visit(&mut self, state: &mut HiddenState) {
-        state.vectors(&mut self.positions);
-        state.vectors(&mut self.velocities);
+    pub(crate) fn archive(&mut self, archive: &mut Archive) {
+        archive.vectors(&mut self.positions);
+        archive.vectors(&mut self.velocities);
     }
 
     /// Writes them into the nodes of a scene, so that it continues from here. Loads and
@@ -78,10 +78,10 @@ impl State {
         }
     }
 
-    pub(crate) fn visit(&mut self, state: &mut HiddenState) {
-        state.real(&mut self.time);
-        state.vectors(&mut self.x);
-        state.vectors(&mut self.v);
+    pub(crate) fn archive(&mut self, archive: &mut Archive) {
+        archive.real(&mut self.time);
+        archive.vectors(&mut self.x);
+        archive.vectors(&mut self.v);
     }
 
     /// Becomes a copy of another state of the same system, without allocating.

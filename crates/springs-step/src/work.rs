@@ -1,6 +1,6 @@
 //! What steps cost: counts and times.
 
-use crate::HiddenState;
+use crate::Archive;
 use std::ops::{AddAssign, Sub};
 use std::time::{Duration, Instant};
 
@@ -93,9 +93,9 @@ impl Counts {
 }
 
 impl Work {
-    pub(crate) fn visit(&mut self, state: &mut HiddenState) {
+    pub(crate) fn archive(&mut self, archive: &mut Archive) {
         for count in self.counts.fields() {
-            state.word(count);
+            archive.word(count);
         }
         let Phases {
             assembly,
@@ -103,7 +103,7 @@ impl Work {
             solve,
         } = &mut self.phases;
         for phase in [assembly, factorization, solve] {
-            state.duration(phase);
+            archive.duration(phase);
         }
     }
 }

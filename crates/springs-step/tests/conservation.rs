@@ -263,9 +263,10 @@ fn a_simulation_goes_on_after_a_stop() {
             std::ops::ControlFlow::Continue(())
         }
         fn step(&mut self, time: f64, _steps: u64) -> std::ops::ControlFlow<()> {
-            match time < self.0 {
-                true => std::ops::ControlFlow::Continue(()),
-                false => std::ops::ControlFlow::Break(()),
+            if time < self.0 {
+                std::ops::ControlFlow::Continue(())
+            } else {
+                std::ops::ControlFlow::Break(())
             }
         }
     }

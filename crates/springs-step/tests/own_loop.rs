@@ -9,8 +9,8 @@ use nalgebra::Vector3;
 use springs_assembly::System;
 use springs_scene::{Method as Name, Node, RunOptions, Scene, StepControl};
 use springs_step::{
-    Anchors, Cause, Doubling, ErrorEstimate, HiddenState, Interval, Method, MethodError,
-    NodeStates, Simulation, State, Work,
+    Anchors, Archive, Cause, Doubling, ErrorEstimate, Interval, Method, MethodError, NodeStates,
+    Simulation, State, Work,
 };
 
 fn adaptive(scene: &Scene, method: Name, tolerance: f64) -> Simulation {
@@ -147,7 +147,7 @@ impl Method for SymplecticEuler {
     }
 
     /// It carries nothing from step to step.
-    fn visit(&mut self, _state: &mut HiddenState) {}
+    fn archive(&mut self, _state: &mut Archive) {}
 
     fn accept(&mut self) {}
 }

@@ -342,7 +342,7 @@ fn parts_that_fall_asleep() {
     }
 }
 
-/// The route of the solver depends on the matrices before.
+/// The strategy of the solver depends on the matrices before.
 #[test]
 fn large_scenes_with_iterative_solvers() {
     let mut scenes = [

@@ -75,7 +75,7 @@ fn stable_methods_finish_everything() {
 
 /// Steps that fail are made in shorter ones, if that is allowed, and say so.
 #[test]
-fn failing_steps_can_be_rescued() {
+fn failing_steps_can_be_made_in_shorter_ones() {
     let mut scenes = hard_scenes();
     scenes.retain(|scene| scene.name == "cloth in one point");
     let [scene] = &mut scenes[..] else {

@@ -49,9 +49,9 @@ fn energy_that_diverges_is_an_error_in_any_step() {
     ];
     for method in explicit {
         for duration in [1.0, 2.0, 3.0] {
-            for rescue in [false, true] {
+            for substeps in [false, true] {
                 let scene = stiff(method, duration);
-                let options = RunOptions::default().with_substeps(rescue);
+                let options = RunOptions::default().with_substeps(substeps);
                 let (error, simulation) = failure_with(&scene, &options);
                 assert_eq!(error.cause, Cause::EnergyDiverged, "{method}: {error}");
                 assert_eq!(error.node, 1);

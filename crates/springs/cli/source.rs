@@ -39,11 +39,11 @@ pub(crate) struct SceneArguments {
     #[arg(long, value_name = "T", allow_negative_numbers = true)]
     duration: Option<f64>,
     /// How precisely linear systems are solved by iteration: sufficient, strict
-    #[arg(long, value_name = "HOW")]
-    solution: Option<LinearTolerance>,
+    #[arg(long, alias = "solution", value_name = "HOW")]
+    linear_tolerance: Option<LinearTolerance>,
     /// Make steps that fail in shorter ones
-    #[arg(long)]
-    rescue: bool,
+    #[arg(long, alias = "rescue")]
+    substeps: bool,
     /// Let parts sleep that can move no further than this, in metres
     #[arg(long, value_name = "REACH", allow_negative_numbers = true)]
     sleep: Option<f64>,
@@ -103,10 +103,10 @@ impl SceneArguments {
     }
 
     /// The scene file and [`Self::flags`], as they are typed into a shell.
-    pub(crate) fn words(&self) -> Vec<String> {
-        let mut words = vec![quoted(&self.scene.display().to_string())];
-        words.extend(self.flags());
-        words
+    pub(crate) fn arguments(&self) -> Vec<String> {
+        let mut arguments = vec![quoted(&self.scene.display().to_string())];
+        arguments.extend(self.flags());
+        arguments
     }
 
     /// All arguments that were given but the scene file, method, tangent, step and
@@ -119,10 +119,13 @@ impl SceneArguments {
             }
         };
         add("--duration", self.duration.map(|t| format!("{t:?}")));
-        add("--solution", self.solution.map(|how| how.to_string()));
+        add(
+            "--linear-tolerance",
+            self.linear_tolerance.map(|how| how.to_string()),
+        );
         add("--sleep", self.sleep.map(|reach| format!("{reach:?}")));
         add("--threads", self.threads.map(|n| n.to_string()));
-        for (flag, is_given) in [("--rescue", self.rescue), ("--no-skip", self.no_skip)] {
+        for (flag, is_given) in [("--substeps", self.substeps), ("--no-skip", self.no_skip)] {
             if is_given {
                 flags.push(flag.to_owned());
             }
@@ -139,9 +142,9 @@ impl SceneArguments {
             ("step", self.step.is_some()),
             ("tolerance", self.tolerance.is_some()),
             ("duration", self.duration.is_some()),
-            ("solution", self.solution.is_some()),
+            ("linear_tolerance", self.linear_tolerance.is_some()),
             ("sleep", self.sleep.is_some()),
-            ("rescue", self.rescue),
+            ("substeps", self.substeps),
         ];
         let replaced = fields.into_iter().filter(|(_, is_replaced)| *is_replaced);
         replaced.map(|(field, _)| field).collect()
@@ -166,9 +169,9 @@ impl SceneArguments {
             settings.step = StepControl::Tolerance(tolerance);
         }
         options.sleep = self.sleep.or(options.sleep);
-        options.substeps |= self.rescue;
+        options.substeps |= self.substeps;
         options.skip = !self.no_skip;
-        options.linear_tolerance = self.solution.unwrap_or(options.linear_tolerance);
+        options.linear_tolerance = self.linear_tolerance.unwrap_or(options.linear_tolerance);
         options.threads = self.threads.map_or(options.threads, at_most_useful);
         // The file was sound, so only what the command line said can be wrong.
         let problems = scene.problems().into_iter().chain(options.problems());
@@ -233,17 +236,14 @@ impl Source {
     /// Reads a scene file; `-` is standard input. All that is wrong with it becomes one
     /// error.
     pub(crate) fn read(scene: &Path) -> Result<Self, Advised> {
-        let (file, text) = match scene == Path::new("-") {
-            true => {
-                let file = "standard input".to_owned();
-                let text = read_text(&file, Ok(std::io::stdin().lock()));
-                (file, text)
-            }
-            false => {
-                let file = scene.display().to_string();
-                let text = read_text(&file, File::open(scene));
-                (file, text)
-            }
+        let (file, text) = if scene == Path::new("-") {
+            let file = "standard input".to_owned();
+            let text = read_text(&file, Ok(std::io::stdin().lock()));
+            (file, text)
+        } else {
+            let file = scene.display().to_string();
+            let text = read_text(&file, File::open(scene));
+            (file, text)
         };
         let text = text.map_err(advised)?;
         let (scene, options, inputs) = parse_scene_with_inputs(&file, &text).map_err(advised)?;

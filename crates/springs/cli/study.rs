@@ -89,9 +89,10 @@ pub(crate) fn study_command(arguments: &StudyArguments) -> anyhow::Result<Ending
         Some(folder) => folder.clone(),
         None => arguments.scene.stem(),
     };
-    let files: &[&str] = match arguments.stability {
-        true => &[MAP_CSV, MAP_DIAGRAM],
-        false => &[CSV, JSON, DIAGRAM, REFERENCE],
+    let files: &[&str] = if arguments.stability {
+        &[MAP_CSV, MAP_DIAGRAM]
+    } else {
+        &[CSV, JSON, DIAGRAM, REFERENCE]
     };
     claim(&folder, files, arguments.force)?;
     let mut source = arguments.scene.load()?;
@@ -100,7 +101,7 @@ pub(crate) fn study_command(arguments: &StudyArguments) -> anyhow::Result<Ending
         .map_err(|error| source.advised_of_statics(&error))?;
     let mut options = Options {
         repeats: arguments.repeats as usize,
-        command: format!("springs run {}", arguments.scene.words().join(" ")),
+        command: format!("springs run {}", arguments.scene.arguments().join(" ")),
         run: source.options,
         ..Options::default()
     };
@@ -110,9 +111,10 @@ pub(crate) fn study_command(arguments: &StudyArguments) -> anyhow::Result<Ending
     signals.note_the_first();
     let target = Target::open(folder, files[0])?;
     let interrupted = signals.is_interrupted();
-    let bar = match arguments.quiet {
-        true => ProgressBar::hidden(),
-        false => progress_bar(),
+    let bar = if arguments.quiet {
+        ProgressBar::hidden()
+    } else {
+        progress_bar()
     };
     let budget = Duration::from_secs_f64(arguments.budget);
     let mut watch = |progress: Progress<'_>| {
@@ -120,9 +122,10 @@ pub(crate) fn study_command(arguments: &StudyArguments) -> anyhow::Result<Ending
             bar.set_message(progress.what.to_owned());
         }
         bar.set_position((progress.fraction.min(1.0) * PARTS as f64) as u64);
-        match interrupted.load(Ordering::Relaxed) {
-            true => ControlFlow::Break(()),
-            false => ControlFlow::Continue(()),
+        if interrupted.load(Ordering::Relaxed) {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
         }
     };
     let ending = if arguments.stability {

@@ -53,7 +53,7 @@ pub(crate) fn summary(scene: &Scene, report: &Report, folder: &Path, written: &[
     }
     if !report.islands.is_empty() {
         lines.push(format!(
-            "  in {} that do not feel each other; that is the largest, and the most steps",
+            "  in {} that are not coupled; that is the largest, and the most steps",
             count(report.islands.len(), "part"),
         ));
     }
@@ -97,9 +97,10 @@ pub(crate) fn summary(scene: &Scene, report: &Report, folder: &Path, written: &[
         );
         flows.push(format!("{springs} broke and took {held}"));
     }
-    let (verb, gain) = match energy.method_gain < 0.0 {
-        true => ("lost", -energy.method_gain),
-        false => ("gained", energy.method_gain),
+    let (verb, gain) = if energy.method_gain < 0.0 {
+        ("lost", -energy.method_gain)
+    } else {
+        ("gained", energy.method_gain)
     };
     let share = match energy.turned_over {
         0.0 => String::new(),

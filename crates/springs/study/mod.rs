@@ -21,7 +21,7 @@ mod reference;
 mod run;
 mod stability;
 mod sweep;
-mod words;
+mod text;
 
 pub use advice::Advice;
 pub use diagram::diagram;
@@ -30,7 +30,7 @@ pub use stability::{
     Fate, StabilityMap, StabilityTrial, stability, stability_csv, stability_diagram,
 };
 pub use sweep::{MethodSummary, Setting, SweepEnd, Trial};
-pub use words::{csv, method_notes, recommendations, reference_csv, reference_note, table};
+pub use text::{csv, method_notes, recommendations, reference_csv, reference_note, table};
 
 use run::{Case, Clock};
 use serde::Serialize;

@@ -26,9 +26,10 @@ pub(super) fn observed_order(trials: &[&Trial]) -> Option<f64> {
         .windows(2)
         .map(|pair| {
             let [fine, coarse] = [pair[0], pair[1]];
-            match fine.0 > APART * coarse.0 {
-                true => (coarse.1 / fine.1).ln() / (fine.0 / coarse.0).ln(),
-                false => f64::NAN,
+            if fine.0 > APART * coarse.0 {
+                (coarse.1 / fine.1).ln() / (fine.0 / coarse.0).ln()
+            } else {
+                f64::NAN
             }
         })
         .collect();

@@ -317,9 +317,10 @@ fn motion(scene: &Scene, frames: &Frames, uncertainty: f64) -> f64 {
     let drift = sum / (leading().count().max(1) as f64);
     let (mut without_springs, mut from_mean) = (0.0, 0.0);
     for (i, node) in scene.nodes.iter().enumerate() {
-        let gravity = match node.fixed {
-            true => Vector3::zeros(),
-            false => scene.gravity,
+        let gravity = if node.fixed {
+            Vector3::zeros()
+        } else {
+            scene.gravity
         };
         let along = |k: usize| frames[k][i] - drift * times[k];
         let places = (0..FRAMES).map(along).sum::<Vector3<f64>>() + node.position;
@@ -332,8 +333,9 @@ fn motion(scene: &Scene, frames: &Frames, uncertainty: f64) -> f64 {
         }
     }
     // Where springs make no difference, that is no measure.
-    match without_springs > TOLD_APART * uncertainty {
-        true => without_springs.min(from_mean),
-        false => from_mean,
+    if without_springs > TOLD_APART * uncertainty {
+        without_springs.min(from_mean)
+    } else {
+        from_mean
     }
 }

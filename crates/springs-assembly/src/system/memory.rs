@@ -60,9 +60,9 @@ impl System {
     }
 
     /// Hands over all that lasts, always in the same order, to be saved or replaced.
-    pub fn visit_memory(&mut self, visit: &mut dyn FnMut(&mut f64)) {
+    pub fn each_memory(&mut self, visit: &mut dyn FnMut(&mut f64)) {
         for emitter in &mut self.emitters {
-            emitter.visit_memory(visit);
+            emitter.each_memory(visit);
         }
         self.follow_broken();
     }

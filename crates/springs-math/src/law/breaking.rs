@@ -112,11 +112,11 @@ impl<L: LengthLaw> LengthLaw for Breaking<L> {
         self.law.elongation()
     }
 
-    fn visit_memory(&mut self, visit: &mut dyn FnMut(&mut f64)) {
+    fn each_memory(&mut self, visit: &mut dyn FnMut(&mut f64)) {
         let mut is_broken = f64::from(u8::from(self.is_broken));
         visit(&mut is_broken);
         self.is_broken = is_broken != 0.0;
-        self.law.visit_memory(visit);
+        self.law.each_memory(visit);
     }
 }
 
@@ -175,9 +175,9 @@ mod tests {
         let mut broken = spring(Limit::Strain(0.1));
         broken.update_memory(9.0, None);
         let mut saved = 0.0;
-        broken.visit_memory(&mut |word| saved = *word);
+        broken.each_memory(&mut |word| saved = *word);
         let mut other = spring(Limit::Strain(0.1));
-        other.visit_memory(&mut |word| *word = saved);
+        other.each_memory(&mut |word| *word = saved);
         assert_eq!(other, broken);
     }
 }

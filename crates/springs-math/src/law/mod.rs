@@ -138,7 +138,7 @@ impl LengthLaw for Law {
         each_law!(self, law => law.elongation())
     }
 
-    fn visit_memory(&mut self, visit: &mut dyn FnMut(&mut f64)) {
-        each_law!(self, law => law.visit_memory(visit))
+    fn each_memory(&mut self, visit: &mut dyn FnMut(&mut f64)) {
+        each_law!(self, law => law.each_memory(visit))
     }
 }

@@ -94,7 +94,7 @@ impl LengthLaw for Plastic {
         self.elongation
     }
 
-    fn visit_memory(&mut self, visit: &mut dyn FnMut(&mut f64)) {
+    fn each_memory(&mut self, visit: &mut dyn FnMut(&mut f64)) {
         visit(&mut self.elongation);
     }
 }

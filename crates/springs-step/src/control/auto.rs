@@ -7,7 +7,7 @@ use crate::control::costs::CostModel;
 use crate::control::trials::{Abandoned, EqualSteps, Trials, Unsettled, equal_steps};
 use crate::method::table::{Properties, methods};
 use crate::work::Counts;
-use crate::{Anchors, Choice, HiddenState, Method, SetupError, State, StepPlan};
+use crate::{Anchors, Archive, Choice, Method, SetupError, State, StepPlan};
 use springs_assembly::System;
 use springs_scene::{self as scene, Scene};
 use springs_solver::Interrupt;
@@ -157,7 +157,7 @@ impl Auto {
 
     /// Hands over what the choice depends on. Methods that were built are built
     /// again.
-    pub(crate) fn visit(&mut self, system: &System, state: &mut HiddenState) {
+    pub(crate) fn archive(&mut self, system: &System, archive: &mut Archive) {
         for real in [
             &mut self.spent,
             &mut self.covered,
@@ -165,25 +165,25 @@ impl Auto {
             &mut self.price,
             &mut self.step_size,
         ] {
-            state.real(real);
+            archive.real(real);
         }
         let mut is_known = self.costs.is_system_known;
-        state.flag(&mut is_known);
+        archive.flag(&mut is_known);
         if !is_known {
             self.costs.forget_system();
         } else if self.costs.learn_system(system).is_err() {
-            state.refuse();
+            archive.refuse();
         }
         for index in 0..self.candidates.len() {
             let mut is_built = self.candidates[index].idle.is_some();
-            state.flag(&mut is_built);
+            archive.flag(&mut is_built);
             if !is_built {
                 self.candidates[index].idle = None;
             } else if self.ensure_built(system, index).is_err() {
-                state.refuse();
+                archive.refuse();
             }
             if let Some(method) = &mut self.candidates[index].idle {
-                method.visit(state);
+                method.archive(archive);
             }
         }
     }
@@ -239,9 +239,10 @@ impl Auto {
         }
         // What looks good at rest may be too long once it moves; explicit steps
         // are bounded anyway.
-        controller.change_method(match self.candidates[self.current].is_explicit() {
-            true => picked.step_size,
-            false => picked.step_size.min(controller.step_size()),
+        controller.change_method(if self.candidates[self.current].is_explicit() {
+            picked.step_size
+        } else {
+            picked.step_size.min(controller.step_size())
         });
         Ok(Settled {
             choice: picked.choice,
@@ -291,9 +292,10 @@ impl Auto {
             return Ok(None);
         };
         method.set_interrupt(&self.interrupt);
-        let affordable = match is_explicit {
-            true => budget / step,
-            false => (budget / step).max(USUAL_TRIAL_STEPS),
+        let affordable = if is_explicit {
+            budget / step
+        } else {
+            (budget / step).max(USUAL_TRIAL_STEPS)
         }
         .min(MOST_TRIAL_STEPS);
         let task = (duration, tolerance);

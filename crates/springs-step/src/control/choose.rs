@@ -204,11 +204,10 @@ fn pick_for_step(choice: &mut Choice, system: &System, h: f64) {
         _ if angle <= EXPLICIT_LIMIT => "a massless node has no explicit motion".to_owned(),
         _ => format!("the step does not resolve the fastest motion, h·ω ≤ {angle:.1}"),
     };
-    match is_explicit {
-        true => choice.method = scene::Method::VelocityVerlet,
-        false => {
-            choice.method = scene::Method::LinearlyImplicitEuler;
-            choice.tangent.get_or_insert(Tangent::Filtered);
-        }
+    if is_explicit {
+        choice.method = scene::Method::VelocityVerlet
+    } else {
+        choice.method = scene::Method::LinearlyImplicitEuler;
+        choice.tangent.get_or_insert(Tangent::Filtered);
     }
 }

@@ -1,6 +1,6 @@
 //! Step sizes from error estimates.
 
-use crate::{ErrorEstimate, HiddenState, StepPlan};
+use crate::{Archive, ErrorEstimate, StepPlan};
 
 /// Where the next step comes from.
 pub(crate) enum Schedule {
@@ -53,11 +53,11 @@ impl Controller {
         }
     }
 
-    pub(crate) fn visit(&mut self, state: &mut HiddenState) {
+    pub(crate) fn archive(&mut self, archive: &mut Archive) {
         for real in [&mut self.left, &mut self.step_size, &mut self.last_ratio] {
-            state.real(real);
+            archive.real(real);
         }
-        state.flag(&mut self.just_rejected);
+        archive.flag(&mut self.just_rejected);
     }
 
     /// Goes on with another method and this step size, in s.

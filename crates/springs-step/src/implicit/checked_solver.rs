@@ -2,7 +2,9 @@
 
 use nalgebra::Vector3;
 use springs_assembly::{OffDiagonal, PACKED};
-use springs_solver::{Counts, Experience, Interrupt, Options, Route, SolveError, Solver, Subspace};
+use springs_solver::{
+    Counts, Interrupt, Options, SolveError, Solver, Strategy, StrategyState, Subspace,
+};
 
 /// A [`Solver`] that takes a matrix only if all of it is positive definite, also
 /// the part across a plane or line that it does not solve.
@@ -76,8 +78,8 @@ impl CheckedSolver {
         }
     }
 
-    pub(crate) fn experience(&mut self) -> &mut Experience {
-        self.solver.experience()
+    pub(crate) fn strategy_state(&mut self) -> &mut StrategyState {
+        self.solver.strategy_state()
     }
 
     /// What was done so far for solutions.
@@ -144,7 +146,7 @@ impl Across {
                     positions: Some(&self.positions[..]).filter(|all| !all.is_empty()),
                     threads: self.threads,
                     // Only a factor is sure.
-                    route: Route::Double,
+                    strategy: Strategy::Double,
                     subspace: Subspace::Line(self.normal.into()),
                     ..Options::default()
                 };

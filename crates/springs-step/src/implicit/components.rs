@@ -5,7 +5,7 @@ use crate::implicit::solver_options::{Hessian, Steps, solver_options};
 use crate::vectors::numbers_mut;
 use nalgebra::Vector3;
 use springs_assembly::{BlockMatrix, OffDiagonal, System};
-use springs_solver::{Experience, Interrupt, SolveError};
+use springs_solver::{Interrupt, SolveError, StrategyState};
 
 /// The connected parts of the unknowns of a system, and which of them have a
 /// matrix that is not positive definite.
@@ -160,7 +160,7 @@ impl Member {
         }
         self.off_diagonal.take(matrix.off_diagonal(), &self.pairs);
         // The same matrix is judged the same way, whatever came before.
-        *self.solver.experience() = Experience::default();
+        *self.solver.strategy_state() = StrategyState::default();
         let before = self.solver.counts().factorizations;
         let set = self.solver.set_matrix(&self.diagonal, &self.off_diagonal);
         let done = set.and_then(|()| {

@@ -8,11 +8,11 @@ use crate::implicit::solver_options::{
 use crate::threads::threads;
 use crate::vectors::numbers_mut;
 use crate::work::timed;
-use crate::{HiddenState, MethodError, State, Work};
+use crate::{Archive, MethodError, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::{Evaluation, Linearization, Projection, System, Weights};
 use springs_scene::{LinearTolerance, RunOptions};
-use springs_solver::{Experience, Interrupt, SolveError};
+use springs_solver::{Interrupt, SolveError, StrategyState};
 
 /// Forces and matrix of a method at one state, and the solver of their systems.
 pub(crate) struct LinearSystem {
@@ -39,7 +39,7 @@ pub(crate) struct LinearSystem {
     projected: Vec<bool>,
     setup: Work,
     /// What the solver has learned of the matrices of estimates.
-    of_estimates: Experience,
+    of_estimates: StrategyState,
     interrupt: Interrupt,
 }
 
@@ -100,7 +100,7 @@ impl LinearSystem {
         setup.counts.symbolic_factorizations += 1;
         let mut solver = checked_solver(system, hessian, Steps::Equal, run)?;
         Ok(Self {
-            of_estimates: *solver.experience(),
+            of_estimates: *solver.strategy_state(),
             solver,
             hessian,
             components: Components::new(system, hessian, threads(run)),
@@ -140,22 +140,22 @@ impl LinearSystem {
 
     /// What its solver has learned; the matrix itself is made anew, which is not
     /// counted again if it is constant.
-    pub(crate) fn visit(&mut self, state: &mut HiddenState) {
-        let experience = self.solver.experience();
-        for experience in [experience, &mut self.of_estimates] {
-            state.real(&mut experience.iterations);
-            state.count(&mut experience.solutions);
-            state.flag(&mut experience.is_iterative);
-            state.count(&mut experience.pause);
-            state.count(&mut experience.next_pause);
+    pub(crate) fn archive(&mut self, archive: &mut Archive) {
+        let strategy_state = self.solver.strategy_state();
+        for strategy_state in [strategy_state, &mut self.of_estimates] {
+            archive.real(&mut strategy_state.iterations);
+            archive.count(&mut strategy_state.solutions);
+            archive.flag(&mut strategy_state.is_iterative);
+            archive.count(&mut strategy_state.pause);
+            archive.count(&mut strategy_state.next_pause);
         }
         let constant = self.weights.or(self.counted).filter(|_| self.is_constant);
         let mut counted =
             constant.map(|weights| [weights.mass, weights.damping, weights.stiffness]);
-        state.option(&mut counted, |weights, state| {
-            weights.iter_mut().for_each(|weight| state.real(weight))
+        archive.option(&mut counted, |weights, archive| {
+            weights.iter_mut().for_each(|weight| archive.real(weight))
         });
-        if state.is_loading() {
+        if archive.is_loading() {
             self.weights = None;
             self.counted = counted.map(|[mass, damping, stiffness]| Weights {
                 mass,
@@ -359,7 +359,7 @@ impl LinearSystem {
     ) -> Result<(), MethodError> {
         let stiffness = at.weights.stiffness * self.frequency_square;
         let is_hidden = stiffness > at.weights.mass * WORTH_REFINING && stiffness.is_finite();
-        let is_mended = purpose == Purpose::Correction && self.solver.experience().is_iterative;
+        let is_mended = purpose == Purpose::Correction && self.solver.strategy_state().is_iterative;
         if !is_hidden || is_mended {
             return self.solve(x, purpose, work);
         }
@@ -429,7 +429,7 @@ impl LinearSystem {
         };
         // These matrices are stiffer than those of steps, and say nothing about
         // them.
-        std::mem::swap(self.solver.experience(), &mut self.of_estimates);
+        std::mem::swap(self.solver.strategy_state(), &mut self.of_estimates);
         let mut done = self.linearize(system, at, work);
         for errors in errors {
             for _ in 0..passes {
@@ -438,7 +438,7 @@ impl LinearSystem {
                 done = done.and_then(|()| self.solve(errors, Purpose::Estimate, work));
             }
         }
-        std::mem::swap(self.solver.experience(), &mut self.of_estimates);
+        std::mem::swap(self.solver.strategy_state(), &mut self.of_estimates);
         done.is_ok()
     }
 }

@@ -6,7 +6,7 @@ use crate::vectors::blocks_of;
 use nalgebra::Vector3;
 use springs_assembly::{Motion, System};
 use springs_scene::{RunOptions, Tangent};
-use springs_solver::{Options, Packing, Price, Route, SolveError, Solver, Subspace};
+use springs_solver::{Options, Packing, Price, SolveError, Solver, Strategy, Subspace};
 
 /// Which Hessian the matrix of a method has.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -73,10 +73,10 @@ pub(crate) fn solver_options<'a>(
         positions: Some(positions),
         threads,
         // A factor that is made once costs nothing.
-        route: if is_constant(system, hessian) && steps == Steps::Equal {
-            Route::Double
+        strategy: if is_constant(system, hessian) && steps == Steps::Equal {
+            Strategy::Double
         } else {
-            Route::Auto
+            Strategy::Auto
         },
         subspace,
         packing: if system.has_symmetric_blocks() {

@@ -3,7 +3,7 @@
 use crate::implicit::linear::{Damping, LinearSystem, Linearized, OnDemand, Purpose};
 use crate::implicit::solver_options::Hessian;
 use crate::vectors::{largest, momenta_of, spread};
-use crate::{HiddenState, MethodError, State, Work};
+use crate::{Archive, MethodError, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::{Evaluation, Projection, System, Weights};
 use springs_scene::RunOptions;
@@ -219,9 +219,10 @@ impl Stage {
         let mut last = f64::INFINITY;
         let first = self.merit(system, problem, state, state).0;
         for iteration in 0..PRIMAL_ITERATIONS {
-            let kind = match iteration < PRIMAL_ITERATIONS / 2 {
-                true => Iteration::Primal,
-                false => Iteration::Clamped,
+            let kind = if iteration < PRIMAL_ITERATIONS / 2 {
+                Iteration::Primal
+            } else {
+                Iteration::Clamped
             };
             let slope = self.direction(system, problem, state, kind, work)?;
             let size = self.delta_size(system);
@@ -338,8 +339,8 @@ impl Stage {
     }
 
     /// Nothing else is carried from one stage to the next.
-    pub(crate) fn visit(&mut self, state: &mut HiddenState) {
-        self.linear.visit(state);
+    pub(crate) fn archive(&mut self, archive: &mut Archive) {
+        self.linear.archive(archive);
     }
 
     /// With the matrix of the last correction: what is left of a disturbance

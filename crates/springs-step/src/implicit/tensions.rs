@@ -1,6 +1,6 @@
 //! Tensions that are carried along from step to step.
 
-use crate::HiddenState;
+use crate::Archive;
 use nalgebra::Vector3;
 use springs_assembly::System;
 
@@ -30,9 +30,9 @@ impl Tensions {
         system.clear_broken(&mut self.start);
     }
 
-    pub(crate) fn visit(&mut self, state: &mut HiddenState) {
-        state.flag(&mut self.are_known);
-        state.reals(&mut self.start);
+    pub(crate) fn archive(&mut self, archive: &mut Archive) {
+        archive.flag(&mut self.are_known);
+        archive.reals(&mut self.start);
     }
 
     /// Begins a step at the given positions; `end` is then the guess.

@@ -3,9 +3,7 @@
 use crate::method::time_scale;
 use crate::vectors::spread;
 use crate::work::timed;
-use crate::{
-    Anchors, ErrorEstimate, Flows, HiddenState, Interval, Method, MethodError, State, Work,
-};
+use crate::{Anchors, Archive, ErrorEstimate, Flows, Interval, Method, MethodError, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::System;
 
@@ -167,9 +165,9 @@ impl Method for Dop853 {
         Ok(Some(estimate.of_better_result(speed)))
     }
 
-    fn visit(&mut self, state: &mut HiddenState) {
-        state.flag(&mut self.acceleration_is_known);
-        state.vectors(&mut self.last_acceleration);
+    fn archive(&mut self, archive: &mut Archive) {
+        archive.flag(&mut self.acceleration_is_known);
+        archive.vectors(&mut self.last_acceleration);
     }
 
     fn accept(&mut self) {

@@ -1,9 +1,7 @@
 //! Error control for methods without an estimate of their own.
 
 use crate::method::weighing::Weighing;
-use crate::{
-    Anchors, ErrorEstimate, Flows, HiddenState, Interval, Method, MethodError, State, Work,
-};
+use crate::{Anchors, Archive, ErrorEstimate, Flows, Interval, Method, MethodError, State, Work};
 use springs_assembly::System;
 use springs_solver::{Interrupt, SolveError};
 
@@ -106,10 +104,10 @@ impl Method for Doubling {
         Some(self.weighing.second_estimate(&mut *self.method, at, work))
     }
 
-    fn visit(&mut self, state: &mut HiddenState) {
-        self.method.visit(state);
-        state.flag(&mut self.is_fresh);
-        self.weighing.visit(state);
+    fn archive(&mut self, archive: &mut Archive) {
+        self.method.archive(archive);
+        archive.flag(&mut self.is_fresh);
+        self.weighing.archive(archive);
     }
 
     fn accept(&mut self) {

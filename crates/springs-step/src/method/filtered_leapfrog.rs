@@ -4,9 +4,7 @@ use crate::flows::Impulses;
 use crate::implicit::linear::{LinearSystem, Linearized, OnDemand, Purpose};
 use crate::implicit::solver_options::Hessian;
 use crate::implicit::stage::Stage;
-use crate::{
-    Anchors, ErrorEstimate, Flows, HiddenState, Interval, Method, MethodError, State, Work,
-};
+use crate::{Anchors, Archive, ErrorEstimate, Flows, Interval, Method, MethodError, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::{Evaluation, System, Weights};
 use springs_scene::RunOptions;
@@ -201,16 +199,16 @@ impl Method for FilteredLeapfrog {
         Ok(None)
     }
 
-    fn visit(&mut self, state: &mut HiddenState) {
-        self.linear.visit(state);
+    fn archive(&mut self, archive: &mut Archive) {
+        self.linear.archive(archive);
         if let Some(start) = &mut self.start {
-            start.visit(state);
+            start.archive(archive);
         }
-        state.real(&mut self.filtered_for);
-        state.flag(&mut self.is_stale);
-        state.real(&mut self.anchor_power);
-        state.vectors(&mut self.accelerations);
-        state.reals(&mut self.tensions);
+        archive.real(&mut self.filtered_for);
+        archive.flag(&mut self.is_stale);
+        archive.real(&mut self.anchor_power);
+        archive.vectors(&mut self.accelerations);
+        archive.reals(&mut self.tensions);
     }
 
     fn accept(&mut self) {

@@ -5,9 +5,7 @@ use crate::implicit::linear::Damping;
 use crate::implicit::stage::{Stage, StageProblem};
 use crate::implicit::tensions::Tensions;
 use crate::vectors::momenta_of;
-use crate::{
-    Anchors, ErrorEstimate, Flows, HiddenState, Interval, Method, MethodError, State, Work,
-};
+use crate::{Anchors, Archive, ErrorEstimate, Flows, Interval, Method, MethodError, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::System;
 use springs_scene::RunOptions;
@@ -110,9 +108,9 @@ impl Method for ImplicitEuler {
             .damp_vibrations(system, state, damping, [errors], work)
     }
 
-    fn visit(&mut self, state: &mut HiddenState) {
-        self.stage.visit(state);
-        self.tensions.visit(state);
+    fn archive(&mut self, archive: &mut Archive) {
+        self.stage.archive(archive);
+        self.tensions.archive(archive);
     }
 
     fn accept(&mut self) {

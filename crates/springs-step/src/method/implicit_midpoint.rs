@@ -4,9 +4,7 @@ use crate::flows::Impulses;
 use crate::implicit::stage::{Stage, StageProblem};
 use crate::implicit::tensions::Tensions;
 use crate::vectors::momenta_of;
-use crate::{
-    Anchors, ErrorEstimate, Flows, HiddenState, Interval, Method, MethodError, State, Work,
-};
+use crate::{Anchors, Archive, ErrorEstimate, Flows, Interval, Method, MethodError, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::System;
 use springs_scene::RunOptions;
@@ -107,10 +105,10 @@ impl Method for ImplicitMidpoint {
         Ok(None)
     }
 
-    fn visit(&mut self, state: &mut HiddenState) {
-        self.stage.visit(state);
-        self.tensions.visit(state);
-        state.flag(&mut self.is_started);
+    fn archive(&mut self, archive: &mut Archive) {
+        self.stage.archive(archive);
+        self.tensions.archive(archive);
+        archive.flag(&mut self.is_started);
     }
 
     fn accept(&mut self) {

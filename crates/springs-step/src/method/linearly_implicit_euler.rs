@@ -4,9 +4,7 @@ use crate::flows::Impulses;
 use crate::implicit::linear::{Damping, LinearSystem, Linearized, OnDemand, Purpose};
 use crate::implicit::moving_frame::MovingFrame;
 use crate::implicit::solver_options::Hessian;
-use crate::{
-    Anchors, ErrorEstimate, Flows, HiddenState, Interval, Method, MethodError, State, Work,
-};
+use crate::{Anchors, Archive, ErrorEstimate, Flows, Interval, Method, MethodError, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::{Evaluation, Projection, System, Weights};
 use springs_scene::{RunOptions, Tangent};
@@ -216,10 +214,10 @@ impl Method for LinearlyImplicitEuler {
             .damp_vibrations(system, state, damping, [errors], work)
     }
 
-    fn visit(&mut self, state: &mut HiddenState) {
-        self.linear.visit(state);
-        state.flag(&mut self.tensions_are_known);
-        state.reals(&mut self.tensions);
+    fn archive(&mut self, archive: &mut Archive) {
+        self.linear.archive(archive);
+        archive.flag(&mut self.tensions_are_known);
+        archive.reals(&mut self.tensions);
     }
 
     fn accept(&mut self) {

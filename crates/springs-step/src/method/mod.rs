@@ -13,7 +13,7 @@ pub(crate) mod tr_bdf2;
 pub(crate) mod verlet_pairs;
 pub(crate) mod weighing;
 
-use crate::{Anchors, Flows, HiddenState, MethodError, State, Work};
+use crate::{Anchors, Archive, Flows, MethodError, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::System;
 use springs_solver::{Interrupt, SolveError};
@@ -150,7 +150,7 @@ pub trait Method: Send {
     /// Hands over everything that it carries from step to step, always in the
     /// same order; what a step makes anew need not be there. A method without
     /// this cannot be stopped and resumed.
-    fn visit(&mut self, state: &mut HiddenState);
+    fn archive(&mut self, archive: &mut Archive);
 
     /// The last step stands; the next one starts at its end.
     fn accept(&mut self);

@@ -6,9 +6,7 @@ use crate::implicit::solver_options::Hessian;
 use crate::method::time_scale;
 use crate::vectors::{largest, spread};
 use crate::work::timed;
-use crate::{
-    Anchors, ErrorEstimate, Flows, HiddenState, Interval, Method, MethodError, State, Work,
-};
+use crate::{Anchors, Archive, ErrorEstimate, Flows, Interval, Method, MethodError, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::{Evaluation, Lines, System, Weights};
 use springs_scene::RunOptions;
@@ -289,8 +287,8 @@ impl Method for Rodas4 {
         Ok(Some(estimate.of_better_result(speed)))
     }
 
-    fn visit(&mut self, state: &mut HiddenState) {
-        self.linear.visit(state);
+    fn archive(&mut self, archive: &mut Archive) {
+        self.linear.archive(archive);
     }
 
     fn accept(&mut self) {}

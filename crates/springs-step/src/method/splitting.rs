@@ -3,9 +3,7 @@
 
 use crate::flows::Impulses;
 use crate::work::timed;
-use crate::{
-    Anchors, ErrorEstimate, Flows, HiddenState, Interval, Method, MethodError, State, Work,
-};
+use crate::{Anchors, Archive, ErrorEstimate, Flows, Interval, Method, MethodError, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::System;
 
@@ -227,11 +225,11 @@ impl Method for Splitting {
         Ok(None)
     }
 
-    fn visit(&mut self, state: &mut HiddenState) {
-        state.flag(&mut self.accelerations_are_known);
-        state.vectors(&mut self.last_accelerations);
-        state.vectors(&mut self.accelerations);
-        state.vectors(&mut self.seen_at_start);
+    fn archive(&mut self, archive: &mut Archive) {
+        archive.flag(&mut self.accelerations_are_known);
+        archive.vectors(&mut self.last_accelerations);
+        archive.vectors(&mut self.accelerations);
+        archive.vectors(&mut self.seen_at_start);
     }
 
     fn accept(&mut self) {

@@ -5,9 +5,7 @@ use crate::implicit::linear::Damping;
 use crate::implicit::stage::{Stage, StageProblem};
 use crate::implicit::tensions::Tensions;
 use crate::vectors::largest;
-use crate::{
-    Anchors, ErrorEstimate, Flows, HiddenState, Interval, Method, MethodError, State, Work,
-};
+use crate::{Anchors, Archive, ErrorEstimate, Flows, Interval, Method, MethodError, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::System;
 use springs_scene::RunOptions;
@@ -377,12 +375,12 @@ impl Method for TrBdf2 {
         })
     }
 
-    fn visit(&mut self, state: &mut HiddenState) {
-        self.stage.visit(state);
-        self.tensions.visit(state);
-        state.flag(&mut self.is_started);
-        state.vectors(&mut self.forces[0]);
-        state.real(&mut self.time_scale);
+    fn archive(&mut self, archive: &mut Archive) {
+        self.stage.archive(archive);
+        self.tensions.archive(archive);
+        archive.flag(&mut self.is_started);
+        archive.vectors(&mut self.forces[0]);
+        archive.real(&mut self.time_scale);
     }
 
     fn accept(&mut self) {

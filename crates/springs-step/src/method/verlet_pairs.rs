@@ -2,8 +2,7 @@
 
 use crate::method::weighing::Weighing;
 use crate::{
-    Anchors, ErrorEstimate, Flows, HiddenState, Interval, Method, MethodError, Splitting, State,
-    Work,
+    Anchors, Archive, ErrorEstimate, Flows, Interval, Method, MethodError, Splitting, State, Work,
 };
 use springs_assembly::System;
 
@@ -86,10 +85,10 @@ impl Method for VerletPairs {
         Some(self.weighing.second_estimate(&mut self.verlet, at, work))
     }
 
-    fn visit(&mut self, state: &mut HiddenState) {
-        self.verlet.visit(state);
-        state.flag(&mut self.is_fresh);
-        self.weighing.visit(state);
+    fn archive(&mut self, archive: &mut Archive) {
+        self.verlet.archive(archive);
+        archive.flag(&mut self.is_fresh);
+        self.weighing.archive(archive);
     }
 
     fn accept(&mut self) {

@@ -3,7 +3,7 @@
 use crate::implicit::response::Response;
 use crate::method::time_scale;
 use crate::vectors::{largest, spread};
-use crate::{ErrorEstimate, HiddenState, Method, State, Work};
+use crate::{Archive, ErrorEstimate, Method, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::System;
 
@@ -172,10 +172,10 @@ impl Weighing {
         time.recip().hypot(last.frequency).recip()
     }
 
-    pub(crate) fn visit(&mut self, state: &mut HiddenState) {
-        state.real(&mut self.stiffness.frequency);
-        state.real(&mut self.stiffness.error);
-        state.count(&mut self.stiffness.pause);
-        state.count(&mut self.stiffness.last_pause);
+    pub(crate) fn archive(&mut self, archive: &mut Archive) {
+        archive.real(&mut self.stiffness.frequency);
+        archive.real(&mut self.stiffness.error);
+        archive.count(&mut self.stiffness.pause);
+        archive.count(&mut self.stiffness.last_pause);
     }
 }

@@ -1,6 +1,6 @@
 //! Springs that broke.
 
-use crate::HiddenState;
+use crate::Archive;
 
 /// A spring that broke during a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -15,11 +15,11 @@ pub struct Break {
 }
 
 impl Break {
-    pub(crate) fn visit(&mut self, state: &mut HiddenState) {
+    pub(crate) fn archive(&mut self, archive: &mut Archive) {
         let mut spring = self.spring as u64;
-        state.real(&mut self.time);
-        state.word(&mut spring);
-        state.real(&mut self.energy);
+        archive.real(&mut self.time);
+        archive.word(&mut spring);
+        archive.real(&mut self.energy);
         self.spring = spring as usize;
     }
 }

@@ -1,15 +1,15 @@
 //! States between two steps.
 
 use crate::{
-    Anchors, Choice, Flows, HiddenState, Interval, Method, MethodError, NodeStates, SetupError,
-    State, Work,
+    Anchors, Archive, Choice, Flows, Interval, Method, MethodError, NodeStates, SetupError, State,
+    Work,
 };
 use nalgebra::Vector3;
 use springs_assembly::System;
 use springs_solver::Interrupt;
 
 /// States between the steps of a method, to the method's order.
-pub(crate) enum Between {
+pub(crate) enum DenseOutput {
     /// By a polynomial through the ends of the step.
     Polynomial {
         /// Order of the method.
@@ -37,7 +37,7 @@ const HIGH_ORDER: u32 = 4;
 /// place.
 const LONGEST_CURVE: f64 = 2.0;
 
-impl Between {
+impl DenseOutput {
     /// What suits a method; of high order, another instance of it is built.
     pub(crate) fn of(
         choice: &Choice,
@@ -66,9 +66,9 @@ impl Between {
         }
     }
 
-    pub(crate) fn visit(&mut self, hidden: &mut HiddenState) {
+    pub(crate) fn archive(&mut self, archive: &mut Archive) {
         if let Self::Substep { method, .. } = self {
-            method.visit(hidden);
+            method.archive(archive);
         }
     }
 

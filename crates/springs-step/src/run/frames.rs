@@ -1,7 +1,7 @@
 //! The frames of a run that are still to come.
 
 use crate::run::observer::Frame;
-use crate::{HiddenState, Members, NodeStates, Observer};
+use crate::{Archive, Members, NodeStates, Observer};
 use std::ops::ControlFlow;
 
 /// How many frames of how many intervals were shown.
@@ -12,9 +12,9 @@ pub(crate) struct Shown {
 }
 
 impl Shown {
-    pub(crate) fn visit(&mut self, state: &mut HiddenState) {
-        state.word(&mut self.intervals);
-        state.word(&mut self.frames);
+    pub(crate) fn archive(&mut self, archive: &mut Archive) {
+        archive.word(&mut self.intervals);
+        archive.word(&mut self.frames);
     }
 }
 

@@ -1,4 +1,4 @@
-//! Parts of a scene that do not feel each other, each on its own way.
+//! Parts of a scene that are not coupled, each on its own way.
 
 mod results;
 
@@ -10,7 +10,7 @@ use crate::run::part::{Part, cut};
 use crate::run::simulation::Pause;
 use crate::threads::threads;
 use crate::{
-    Account, Cause, ForeignState, HiddenState, Ledger, NodeStates, Observer, Outcome, Patience,
+    Account, Archive, Cause, ForeignState, Ledger, NodeStates, Observer, Outcome, Patience,
     SetupError, StepError, Work,
 };
 use springs_assembly::{CompileError, Energy};
@@ -21,8 +21,8 @@ use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-/// A scene on its way through its duration, cut into parts that do not feel each
-/// other. Each has a method, steps and a solver of its own, and several run at
+/// A scene on its way through its duration, cut into parts that are not coupled.
+/// Each has a method, steps and a solver of its own, and several run at
 /// once; the result is the same to the last bit for any number of threads.
 ///
 /// A scene in one part runs exactly like a [`Simulation`](crate::Simulation).
@@ -149,9 +149,9 @@ impl Islands {
     /// Everything that the run has come to, as words that mean something to
     /// [`Self::restore`] only.
     pub fn save(&mut self) -> Vec<u64> {
-        let mut state = HiddenState::saving();
-        self.visit(&mut state);
-        state.into_words()
+        let mut archive = Archive::saving();
+        self.archive(&mut archive);
+        archive.into_words()
     }
 
     /// Goes on where another run of the same scene was when it was saved; from
@@ -162,33 +162,33 @@ impl Islands {
     /// If the words do not come from a run of this scene; this one is of no use
     /// any more then.
     pub fn restore(&mut self, words: Vec<u64>) -> Result<(), ForeignState> {
-        let mut state = HiddenState::loading(words);
-        self.visit(&mut state);
-        state.finish()
+        let mut archive = Archive::loading(words);
+        self.archive(&mut archive);
+        archive.finish()
     }
 
-    fn visit(&mut self, state: &mut HiddenState) {
+    fn archive(&mut self, archive: &mut Archive) {
         let mut n_parts = self.parts.len() as u64;
-        state.word(&mut n_parts);
+        archive.word(&mut n_parts);
         if n_parts != self.parts.len() as u64 {
-            return state.refuse();
+            return archive.refuse();
         }
-        state.real(&mut self.time);
-        state.flag(&mut self.is_under_way);
-        state.flag(&mut self.is_told);
-        state.duration(&mut self.trial_time);
-        self.nodes.visit(state);
-        self.ledger.visit(state);
-        state.option(&mut self.shown, |shown, state| shown.visit(state));
+        archive.real(&mut self.time);
+        archive.flag(&mut self.is_under_way);
+        archive.flag(&mut self.is_told);
+        archive.duration(&mut self.trial_time);
+        self.nodes.archive(archive);
+        self.ledger.archive(archive);
+        archive.option(&mut self.shown, |shown, archive| shown.archive(archive));
         for part in &mut self.parts {
-            part.simulation.visit(state);
-            part.state.visit(state);
-            part.ledger.visit(state);
-            state.option(&mut part.asleep_since, |since, state| state.real(since));
-            state.count(&mut part.countdown);
-            state.option(&mut part.saved, |(words, steps), state| {
-                state.words(words);
-                state.word(steps);
+            part.simulation.archive(archive);
+            part.state.archive(archive);
+            part.ledger.archive(archive);
+            archive.option(&mut part.asleep_since, |since, archive| archive.real(since));
+            archive.count(&mut part.countdown);
+            archive.option(&mut part.saved, |(words, steps), archive| {
+                archive.words(words);
+                archive.word(steps);
             });
         }
     }
@@ -330,9 +330,10 @@ impl Islands {
         let (steps, is_stopped) = (AtomicU64::new(0), AtomicBool::new(false));
         let take_note = || {
             steps.fetch_add(1, Ordering::Relaxed);
-            match is_stopped.load(Ordering::Relaxed) {
-                true => ControlFlow::Break(()),
-                false => ControlFlow::Continue(()),
+            if is_stopped.load(Ordering::Relaxed) {
+                ControlFlow::Break(())
+            } else {
+                ControlFlow::Continue(())
             }
         };
         let mut ask = || {

@@ -1,6 +1,6 @@
 //! What springs and supports carry.
 
-use crate::{HiddenState, Method, NodeStates, State};
+use crate::{Archive, Method, NodeStates, State};
 use nalgebra::Vector3;
 use springs_assembly::System;
 use springs_scene::{PrescribedMotion, Scene};
@@ -213,10 +213,10 @@ impl Track {
         self.start = start;
     }
 
-    pub(crate) fn visit(&mut self, state: &mut HiddenState) {
-        state.reals(&mut self.start);
-        state.reals(&mut self.end);
-        state.flag(&mut self.is_carried);
+    pub(crate) fn archive(&mut self, archive: &mut Archive) {
+        archive.reals(&mut self.start);
+        archive.reals(&mut self.end);
+        archive.flag(&mut self.is_carried);
         for peak in &mut self.peaks {
             for real in [
                 &mut peak.max_tension,
@@ -224,7 +224,7 @@ impl Track {
                 &mut peak.min_tension,
                 &mut peak.time_of_min,
             ] {
-                state.real(real);
+                archive.real(real);
             }
         }
     }

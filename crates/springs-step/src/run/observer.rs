@@ -119,9 +119,10 @@ pub(crate) fn offer(
     observer: &mut dyn Observer,
     account: impl FnOnce() -> Account,
 ) -> ControlFlow<()> {
-    match observer.wants_account() {
-        true => observer.account(account()),
-        false => ControlFlow::Continue(()),
+    if observer.wants_account() {
+        observer.account(account())
+    } else {
+        ControlFlow::Continue(())
     }
 }
 

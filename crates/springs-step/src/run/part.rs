@@ -1,9 +1,9 @@
 //! A part of a scene that is not coupled with the others.
 
 use crate::run::simulation::Pause;
-use crate::run::sleep::Rest;
+use crate::run::sleep::Sleep;
 use crate::threads::threads;
-use crate::{HiddenState, Ledger, NodeStates, SetupError, Simulation, StepError, Suspect};
+use crate::{Archive, Ledger, NodeStates, SetupError, Simulation, StepError, Suspect};
 use nalgebra::Vector3;
 use springs_assembly::Energy;
 use springs_scene::{Island, RunOptions, Scene};
@@ -19,7 +19,7 @@ pub struct Part {
     pub(super) ledger: Ledger,
     pub(super) asleep_since: Option<f64>,
     /// Made when it is first needed.
-    pub(super) rest: Option<Rest>,
+    pub(super) sleep: Option<Sleep>,
     /// Rounds until it is asked again whether it is at rest.
     pub(super) countdown: u32,
     /// Where it was some steps ago, at the beginning of a round, to go back to if
@@ -51,13 +51,13 @@ impl Part {
         let simulation =
             simulation.map_err(|error| error.of_part(&island.nodes, &island.springs))?;
         let (system, state) = (simulation.stepper().system(), simulation.stepper().state());
-        let is_at_rest = options.skip && Rest::is_exact(system, state);
+        let is_at_rest = options.skip && Sleep::is_exact(system, state);
         Ok(Self {
             state: simulation.nodes().clone(),
             ledger: simulation.ledger(),
             island,
             asleep_since: is_at_rest.then_some(0.0),
-            rest: None,
+            sleep: None,
             countdown: 0,
             saved: None,
             simulation,
@@ -87,9 +87,9 @@ impl Part {
             return;
         }
         let words = self.saved.take().map_or(Vec::new(), |(words, _)| words);
-        let mut state = HiddenState::saving_into(words);
-        self.simulation.visit(&mut state);
-        self.saved = Some((state.into_words(), steps));
+        let mut archive = Archive::saving_into(words);
+        self.simulation.archive(&mut archive);
+        self.saved = Some((archive.into_words(), steps));
     }
 
     /// Goes back to where it was some steps ago, if its last step began after a
@@ -101,9 +101,9 @@ impl Part {
         let Some((words, _)) = self.saved.take() else {
             return false;
         };
-        let mut state = HiddenState::loading(words);
-        self.simulation.visit(&mut state);
-        state.finish().is_ok()
+        let mut archive = Archive::loading(words);
+        self.simulation.archive(&mut archive);
+        archive.finish().is_ok()
     }
 
     /// Puts it to sleep if from where it is now, at a time that all parts have come
@@ -123,12 +123,12 @@ impl Part {
         let mut state = stepper.state().clone();
         state.gather(system, &self.state);
         state.time = now;
-        let rest = self
-            .rest
-            .get_or_insert_with(|| Rest::new(system, threads(&self.simulation.choice().options)));
-        if rest.reach(system, &state).is_some_and(|r| r <= reach) {
+        let sleep = self
+            .sleep
+            .get_or_insert_with(|| Sleep::new(system, threads(&self.simulation.choice().options)));
+        if sleep.reach(system, &state).is_some_and(|r| r <= reach) {
             self.asleep_since = Some(now);
-            self.rest = None;
+            self.sleep = None;
             self.saved = None;
             self.state.velocities.fill(Vector3::zeros());
         }

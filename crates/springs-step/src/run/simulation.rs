@@ -16,12 +16,12 @@ use crate::control::choose::{Start, start};
 use crate::control::controller::Schedule;
 use crate::control::timetable::Timetable;
 use crate::run::breaks::Break;
-use crate::run::dense_output::Between;
+use crate::run::dense_output::DenseOutput;
 use crate::run::frames::{AT_THE_END, Frames, Shown};
 use crate::run::members::{Supported, Track};
 use crate::run::observer::{either, offer};
 use crate::{
-    Cause, Choice, Flows, HiddenState, Interval, Ledger, Method, MethodError, NodeStates, Observer,
+    Archive, Cause, Choice, Flows, Interval, Ledger, Method, MethodError, NodeStates, Observer,
     Outcome, Patience, SetupError, State, StepError, StepPlan, Stepper, Work,
 };
 use springs_assembly::{Compilation, Emitter, Energy, System, compile_with};
@@ -53,7 +53,7 @@ pub struct Simulation {
     /// Chooses methods, if that is left open.
     auto: Option<Auto>,
     switches: Vec<Switch>,
-    between: Between,
+    dense_output: DenseOutput,
     /// Frames that were shown, if it was stopped on the way.
     shown: Option<Shown>,
     /// The last step, and the state before it.
@@ -157,8 +157,8 @@ impl Simulation {
         };
         let system = compile_with(scene, compilation)?;
         let start = start(scene, (&scene.settings, options), &system)?;
-        let between = Between::of(&start.choice, &*start.method, &system)?;
-        Self::starting(scene, system, start, between)
+        let dense_output = DenseOutput::of(&start.choice, &*start.method, &system)?;
+        Self::starting(scene, system, start, dense_output)
     }
 
     /// The same with a method of one's own, in place of that of the settings.
@@ -181,18 +181,18 @@ impl Simulation {
         };
         let system = compile_with(scene, compilation)?;
         let start = Start::with_method(scene, options, &system, method(&system));
-        let between = Between::Polynomial {
+        let dense_output = DenseOutput::Polynomial {
             order: start.method.order(),
             straight_from: f64::INFINITY,
         };
-        Self::starting(scene, system, start, between)
+        Self::starting(scene, system, start, dense_output)
     }
 
     fn starting(
         scene: &Scene,
         system: System,
         start: Start,
-        between: Between,
+        dense_output: DenseOutput,
     ) -> Result<Self, SetupError> {
         let duration = scene.settings.duration;
         let stepper = Stepper::with_method(system, start.method);
@@ -214,7 +214,7 @@ impl Simulation {
             schedule: start.schedule,
             auto: start.auto,
             switches: Vec::new(),
-            between,
+            dense_output,
             choice: start.choice,
             work,
             trial_work: Work::default(),
@@ -243,7 +243,7 @@ impl Simulation {
     pub fn set_interrupt(&mut self, interrupt: &Interrupt) {
         self.interrupt = interrupt.clone();
         self.stepper.set_interrupt(interrupt);
-        self.between.set_interrupt(interrupt);
+        self.dense_output.set_interrupt(interrupt);
         if let Some(auto) = &mut self.auto {
             auto.set_interrupt(interrupt);
         }
@@ -523,18 +523,20 @@ impl Simulation {
         let (system, anchors) = (self.stepper.system(), self.stepper.anchors());
         let ends = [&self.before, &self.nodes];
         let words = self.interrupt.can_be_requested().then(|| {
-            let mut state = HiddenState::saving_into(std::mem::take(&mut self.words));
-            self.between.visit(&mut state);
-            state.into_words()
+            let mut archive = Archive::saving_into(std::mem::take(&mut self.words));
+            self.dense_output.archive(&mut archive);
+            archive.into_words()
         });
         let compiled = (system, anchors);
-        let made = self.between.evaluate(compiled, ends, interval, time, out);
+        let made = self
+            .dense_output
+            .evaluate(compiled, ends, interval, time, out);
         if let Some(words) = words {
-            let mut state = HiddenState::loading(words);
+            let mut archive = Archive::loading(words);
             if made == Err(MethodError::Interrupted) {
-                self.between.visit(&mut state);
+                self.dense_output.archive(&mut archive);
             }
-            self.words = state.into_words();
+            self.words = archive.into_words();
         }
         let failure = match made {
             Err(error) => Some((Cause::from(error), error.block())),
@@ -546,7 +548,7 @@ impl Simulation {
         if let Some((cause, block)) = failure {
             return Err(self.stepper.error(cause, block, interval));
         }
-        self.flows_between = self.between.flows().map(|flows| (time, flows));
+        self.flows_between = self.dense_output.flows().map(|flows| (time, flows));
         Ok(())
     }
 
@@ -561,8 +563,8 @@ impl Simulation {
     /// states between its steps cannot be made.
     fn put_to_use(&mut self, picked: Picked) -> Option<Work> {
         let Picked { method, choice, .. } = picked;
-        self.between = Between::of(&choice, &*method, self.stepper.system()).ok()?;
-        self.between.set_interrupt(&self.interrupt);
+        self.dense_output = DenseOutput::of(&choice, &*method, self.stepper.system()).ok()?;
+        self.dense_output.set_interrupt(&self.interrupt);
         let setup = method.setup();
         let old = self.stepper.change_method(method);
         if let Some(auto) = &mut self.auto {

@@ -6,11 +6,11 @@ use crate::implicit::solver_options::{Hessian, Steps, positions_of, solver_optio
 use crate::vectors::numbers_mut;
 use nalgebra::Vector3;
 use springs_assembly::{Evaluation, Linearization, Motion, Projection, System, Weights};
-use springs_solver::{Experience, Solver};
+use springs_solver::{Solver, StrategyState};
 
 /// Finds out whether a system is at rest: exactly, or up to small motion about a
 /// stable equilibrium.
-pub(crate) struct Rest {
+pub(crate) struct Sleep {
     /// Of the Hessian, as the methods have theirs; `None` if it cannot be analyzed.
     solver: Option<Solver>,
     out: Linearization,
@@ -21,7 +21,7 @@ pub(crate) struct Rest {
 /// Inverse iterations for the softest direction of the Hessian.
 const ITERATIONS: usize = 8;
 
-impl Rest {
+impl Sleep {
     pub(crate) fn new(system: &System, threads: usize) -> Self {
         let zeros = vec![Vector3::zeros(); system.n_free()];
         let positions = positions_of(system);
@@ -66,7 +66,7 @@ impl Rest {
         system.linearize(&at, &mut self.out);
         let solver = self.solver.as_mut()?;
         // The same state is judged the same way, whatever came before.
-        *solver.experience() = Experience::default();
+        *solver.strategy_state() = StrategyState::default();
         let matrix = &self.out.matrix;
         let set = solver.set_matrix(matrix.diagonal(), for_solver(matrix.off_diagonal()));
         set.ok()?;

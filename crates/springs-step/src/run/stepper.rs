@@ -3,8 +3,8 @@
 use crate::control::choose::start;
 use crate::vectors::largest;
 use crate::{
-    Anchors, Cause, ErrorEstimate, Flows, HiddenState, Interval, Method, NodeStates, SetupError,
-    State, StepError, Suspect, Work,
+    Anchors, Archive, Cause, ErrorEstimate, Flows, Interval, Method, NodeStates, SetupError, State,
+    StepError, Suspect, Work,
 };
 use springs_assembly::{Compilation, MemoryUpdate, System, compile_with};
 use springs_scene::{self as scene, RunOptions, Scene, StepControl};
@@ -47,9 +47,10 @@ impl Clock {
 
     /// The next step of size `h`.
     fn next(&self, h: f64) -> Self {
-        let (since, steps) = match self.size == h {
-            true => (self.since, self.steps),
-            false => (self.time(), 0),
+        let (since, steps) = if self.size == h {
+            (self.since, self.steps)
+        } else {
+            (self.time(), 0)
         };
         Self {
             since,
@@ -228,9 +229,9 @@ impl Stepper {
     }
 
     /// What lasts of where the system has been.
-    pub(crate) fn visit_memory(&mut self, state: &mut HiddenState) {
+    pub(crate) fn each_memory(&mut self, archive: &mut Archive) {
         if self.system.has_memory() {
-            self.system.visit_memory(&mut |real| state.real(real));
+            self.system.each_memory(&mut |real| archive.real(real));
         }
     }
 
@@ -363,15 +364,15 @@ impl Stepper {
     }
 
     /// What the method carries along.
-    pub(crate) fn visit_method(&mut self, state: &mut HiddenState) {
-        self.method.visit(state);
+    pub(crate) fn archive_method(&mut self, archive: &mut Archive) {
+        self.method.archive(archive);
     }
 
-    pub(crate) fn visit(&mut self, state: &mut HiddenState) {
-        self.state.visit(state);
-        self.before.visit(state);
-        state.word(&mut self.steps);
-        self.method.visit(state);
+    pub(crate) fn archive(&mut self, archive: &mut Archive) {
+        self.state.archive(archive);
+        self.before.archive(archive);
+        archive.word(&mut self.steps);
+        self.method.archive(archive);
     }
 
     /// Copies the global vectors back to the nodes.

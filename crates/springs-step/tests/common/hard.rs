@@ -65,9 +65,10 @@ fn shot_through() -> Scene {
 
 /// Ten nodes between fixed ends, squeezed to 80 %.
 fn column(imperfection: f64) -> Scene {
-    let name = match imperfection == 0.0 {
-        true => "column, straight",
-        false => "column, bent by 1e-3",
+    let name = if imperfection == 0.0 {
+        "column, straight"
+    } else {
+        "column, bent by 1e-3"
     };
     let mut scene = named(name, 1e-2, 100.0);
     scene.gravity = Vector3::zeros();

@@ -89,9 +89,10 @@ impl Auto {
         };
         let h = Some(first.step_size);
         let (second, more) = self.try_out(from_there, index, h, trials)?;
-        Ok(match second.price > first.price {
-            true => (second, cost + more),
-            false => (first, cost + more),
+        Ok(if second.price > first.price {
+            (second, cost + more)
+        } else {
+            (first, cost + more)
         })
     }
 
@@ -131,9 +132,10 @@ impl Auto {
                 .ok()
                 .flatten();
             let estimate = estimate.map(|first| {
-                match controller.is_clear(first) {
-                    true => None,
-                    false => method.second_estimate(system, &self.tried, &mut work),
+                if controller.is_clear(first) {
+                    None
+                } else {
+                    method.second_estimate(system, &self.tried, &mut work)
                 }
                 .unwrap_or(first)
             });

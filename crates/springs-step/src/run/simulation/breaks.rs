@@ -6,7 +6,7 @@
 use super::Simulation;
 use crate::control::controller::{Controller, Schedule};
 use crate::run::breaks::Break;
-use crate::{HiddenState, Interval, Stepper};
+use crate::{Archive, Interval, Stepper};
 use springs_scene::Scene;
 
 /// Something that breaks soon, known from a step that was made and taken back.
@@ -106,26 +106,26 @@ impl Simulation {
     }
 
     /// Hands over what broke; nothing where nothing can.
-    pub(super) fn visit_breaks(&mut self, state: &mut HiddenState) {
+    pub(super) fn archive_breaks(&mut self, archive: &mut Archive) {
         if !self.system().has_memory() {
             return;
         }
-        self.stepper.visit_memory(state);
-        state.flag(&mut self.is_end_open);
-        state.option(&mut self.ahead, |ahead, state| {
-            state.real(&mut ahead.by);
-            state.real(&mut ahead.within);
+        self.stepper.each_memory(archive);
+        archive.flag(&mut self.is_end_open);
+        archive.option(&mut self.ahead, |ahead, archive| {
+            archive.real(&mut ahead.by);
+            archive.real(&mut ahead.within);
         });
         let mut n = self.breaks.len() as u64;
-        state.word(&mut n);
+        archive.word(&mut n);
         // Each spring breaks once.
         if n > self.n_springs as u64 {
-            return state.refuse();
+            return archive.refuse();
         }
         self.breaks.resize(n as usize, Break::default());
-        self.breaks.iter_mut().for_each(|one| one.visit(state));
+        self.breaks.iter_mut().for_each(|one| one.archive(archive));
         if self.breaks.iter().any(|one| one.spring >= self.n_springs) {
-            state.refuse();
+            archive.refuse();
         }
     }
 }

@@ -3,7 +3,7 @@
 use super::Simulation;
 use super::breaks::Ahead;
 use crate::control::controller::{Controller, Schedule, Verdict};
-use crate::{Cause, Counts, Flows, HiddenState, Interval, Ledger, StepError, StepPlan, Work};
+use crate::{Archive, Cause, Counts, Flows, Interval, Ledger, StepError, StepPlan, Work};
 
 /// What is to be taken back if a step is interrupted, beside the state.
 struct Bookmark {
@@ -66,10 +66,10 @@ impl Simulation {
         if !self.interrupt.can_be_requested() || self.choice.is_explicit() {
             return None;
         }
-        let mut state = HiddenState::saving_into(std::mem::take(&mut self.words));
-        self.stepper.visit_method(&mut state);
+        let mut archive = Archive::saving_into(std::mem::take(&mut self.words));
+        self.stepper.archive_method(&mut archive);
         Some(Bookmark {
-            words: state.into_words(),
+            words: archive.into_words(),
             controller: match self.schedule {
                 Schedule::Adaptive(controller) => Some(controller),
                 Schedule::Fixed(_) | Schedule::Open(_) => None,
@@ -85,8 +85,8 @@ impl Simulation {
     /// Everything but the state, which a failed step leaves as it was, becomes what
     /// it was at the bookmark.
     fn take_back(&mut self, bookmark: Bookmark) -> Vec<u64> {
-        let mut state = HiddenState::loading(bookmark.words);
-        self.stepper.visit_method(&mut state);
+        let mut archive = Archive::loading(bookmark.words);
+        self.stepper.archive_method(&mut archive);
         if let Some(controller) = bookmark.controller {
             self.schedule = Schedule::Adaptive(controller);
         }
@@ -95,7 +95,7 @@ impl Simulation {
         self.last_flows = bookmark.last_flows;
         self.most_energy = bookmark.most_energy;
         self.ahead = bookmark.ahead;
-        state.into_words()
+        archive.into_words()
     }
 
     /// Makes the next step of a plan.

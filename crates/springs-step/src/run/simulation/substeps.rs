@@ -43,9 +43,10 @@ impl Simulation {
             // Halves end where the whole step does.
             let is_last = left <= interval.size * (1.0 + 1e-9);
             interval.size = if is_last { left } else { interval.size };
-            interval.end = match is_last {
-                true => whole.end,
-                false => interval.start + interval.size,
+            interval.end = if is_last {
+                whole.end
+            } else {
+                interval.start + interval.size
             };
             match self.take(interval) {
                 Ok(()) => flows += self.last_flows,

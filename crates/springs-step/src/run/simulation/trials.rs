@@ -5,8 +5,8 @@ use crate::control::auto::Settled;
 use crate::control::choose::settle_equal_steps;
 use crate::control::controller::Schedule;
 use crate::control::trials::{Abandoned, Trials, Unsettled};
-use crate::run::dense_output::Between;
-use crate::{Cause, HiddenState, Interval, StepError, StepPlan};
+use crate::run::dense_output::DenseOutput;
+use crate::{Archive, Cause, Interval, StepError, StepPlan};
 use std::ops::ControlFlow;
 use std::time::Instant;
 
@@ -36,13 +36,13 @@ impl Simulation {
                     .and_then(|settled| self.put_settled(settled))
             }
             None => {
-                let mut state = HiddenState::saving();
-                self.stepper.visit_method(&mut state);
+                let mut archive = Archive::saving();
+                self.stepper.archive_method(&mut archive);
                 let (compiled, method) = self.stepper.apart();
                 let steps = settle_equal_steps(compiled, method, &controller, &mut trials);
                 if steps.is_err() {
-                    let mut state = HiddenState::loading(state.into_words());
-                    self.stepper.visit_method(&mut state);
+                    let mut archive = Archive::loading(archive.into_words());
+                    self.stepper.archive_method(&mut archive);
                 }
                 steps.map(|steps| {
                     self.choice.reason = steps.to_string();
@@ -68,9 +68,9 @@ impl Simulation {
             method,
             schedule,
         } = settled;
-        let between = Between::of(&choice, &*method, self.stepper.system());
-        self.between = between.map_err(|_| Unsettled::OutOfMemory)?;
-        self.between.set_interrupt(&self.interrupt);
+        let dense_output = DenseOutput::of(&choice, &*method, self.stepper.system());
+        self.dense_output = dense_output.map_err(|_| Unsettled::OutOfMemory)?;
+        self.dense_output.set_interrupt(&self.interrupt);
         self.work += method.setup();
         self.stepper.change_method(method);
         if matches!(schedule, Schedule::Fixed(_)) {
@@ -91,8 +91,8 @@ impl Simulation {
         }
         let begin = Instant::now();
         let system = self.stepper.system();
-        let mut before = HiddenState::saving();
-        auto.visit(system, &mut before);
+        let mut before = Archive::saving();
+        auto.archive(system, &mut before);
         let interrupt = self.interrupt.clone();
         let mut watch = |_| ControlFlow::Continue(());
         let mut trials = Trials::new(&interrupt, &mut watch, 0);
@@ -104,8 +104,8 @@ impl Simulation {
             Ok(Some(picked)) => picked,
             Ok(None) => return Ok(()),
             Err(Abandoned) => {
-                let mut state = HiddenState::loading(before.into_words());
-                auto.visit(system, &mut state);
+                let mut archive = Archive::loading(before.into_words());
+                auto.archive(system, &mut archive);
                 return Err(self.interrupted());
             }
         };

@@ -1,4 +1,4 @@
-//! Hidden state: all that a run carries along beside positions and velocities.
+//! What a run carries along beside positions and velocities, saved and loaded.
 
 use nalgebra::Vector3;
 use std::time::Duration;
@@ -10,7 +10,7 @@ use std::time::Duration;
 /// A run that goes on from a saved state gives the same bits as one that was
 /// never stopped.
 #[derive(Clone, Debug, Default)]
-pub struct HiddenState {
+pub struct Archive {
     words: Vec<u64>,
     /// The next word to be loaded; `None` while saving.
     next: Option<usize>,
@@ -22,7 +22,7 @@ pub struct HiddenState {
 #[error("the saved state does not fit the scene")]
 pub struct ForeignState;
 
-impl HiddenState {
+impl Archive {
     /// To be filled.
     pub(crate) fn saving() -> Self {
         Self::saving_into(Vec::new())
@@ -71,9 +71,10 @@ impl HiddenState {
     /// If what was loaded was not what was asked for, or not all of it.
     pub(crate) fn finish(self) -> Result<(), ForeignState> {
         let is_used_up = self.next.is_none_or(|next| next == self.words.len());
-        match self.is_sound && is_used_up {
-            true => Ok(()),
-            false => Err(ForeignState),
+        if self.is_sound && is_used_up {
+            Ok(())
+        } else {
+            Err(ForeignState)
         }
     }
 
@@ -173,13 +174,14 @@ impl HiddenState {
     pub(crate) fn option<T: Default>(
         &mut self,
         option: &mut Option<T>,
-        visit: impl FnOnce(&mut T, &mut Self),
+        archive: impl FnOnce(&mut T, &mut Self),
     ) {
         let mut is_some = option.is_some();
         self.flag(&mut is_some);
-        match is_some {
-            true => visit(option.get_or_insert_default(), self),
-            false => *option = None,
+        if is_some {
+            archive(option.get_or_insert_default(), self)
+        } else {
+            *option = None
         }
     }
 
@@ -204,13 +206,13 @@ mod tests {
     }
 
     impl Thing {
-        fn visit(&mut self, state: &mut HiddenState) {
-            state.word(&mut self.word);
-            state.real(&mut self.real);
-            state.flag(&mut self.flag);
-            state.vectors(&mut self.vectors);
-            state.text(&mut self.text);
-            state.option(&mut self.option, |real, state| state.real(real));
+        fn archive(&mut self, archive: &mut Archive) {
+            archive.word(&mut self.word);
+            archive.real(&mut self.real);
+            archive.flag(&mut self.flag);
+            archive.vectors(&mut self.vectors);
+            archive.text(&mut self.text);
+            archive.option(&mut self.option, |real, archive| archive.real(real));
         }
     }
 
@@ -238,11 +240,11 @@ mod tests {
 
     #[test]
     fn what_is_saved_is_loaded() {
-        let mut saved = HiddenState::saving();
-        thing().visit(&mut saved);
-        let mut loaded = HiddenState::loading(saved.into_words());
+        let mut saved = Archive::saving();
+        thing().archive(&mut saved);
+        let mut loaded = Archive::loading(saved.into_words());
         let mut thing = other();
-        thing.visit(&mut loaded);
+        thing.archive(&mut loaded);
         loaded.finish().unwrap();
         let expected = self::thing();
         assert_eq!(thing.real.to_bits(), expected.real.to_bits());
@@ -254,13 +256,13 @@ mod tests {
     /// Every word cut off, turned into another one, or added.
     #[test]
     fn other_states_are_refused_without_a_panic() {
-        let mut saved = HiddenState::saving();
-        thing().visit(&mut saved);
+        let mut saved = Archive::saving();
+        thing().archive(&mut saved);
         let words = saved.into_words();
         let refused = |words: &[u64]| {
-            let mut state = HiddenState::loading(words.to_vec());
-            other().visit(&mut state);
-            state.finish().is_err()
+            let mut archive = Archive::loading(words.to_vec());
+            other().archive(&mut archive);
+            archive.finish().is_err()
         };
         for length in 0..words.len() {
             assert!(refused(&words[..length]), "{length} words");
@@ -273,8 +275,8 @@ mod tests {
         }
         let mut more = other();
         more.vectors.push(Vector3::zeros());
-        let mut state = HiddenState::loading(words);
-        more.visit(&mut state);
-        assert!(state.finish().is_err());
+        let mut archive = Archive::loading(words);
+        more.archive(&mut archive);
+        assert!(archive.finish().is_err());
     }
 }

@@ -126,9 +126,10 @@ pub fn recommendations(study: &Study) -> Vec<String> {
 /// Two digits, or one.
 fn short(value: f64) -> String {
     let (one, two) = (format!("{value:.0e}"), format!("{value:.1e}"));
-    match one.parse::<f64>() == two.parse::<f64>() {
-        true => one,
-        false => two,
+    if one.parse::<f64>() == two.parse::<f64>() {
+        one
+    } else {
+        two
     }
 }
 
