@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::desk::Desk;
+use common::workspace::Workspace;
 use serde_json::Value;
 use springs::io::read_scene;
 use std::io::Write as _;
@@ -44,11 +44,11 @@ const PROMISED_FIELDS: [&str; 29] = [
 
 #[test]
 fn a_run_writes_its_files() {
-    let desk = Desk::new();
-    desk.scene("net.ron", "cloth 6 --duration 0.5");
-    let said = desk.expect(0, "run net.ron --write csv,svg --frames 4");
+    let workspace = Workspace::new();
+    workspace.scene("net.ron", "cloth 6 --duration 0.5");
+    let said = workspace.expect(0, "run net.ron --write csv,svg --frames 4");
     assert!(said.contains("36 nodes"), "{said}");
-    let mut files: Vec<String> = std::fs::read_dir(desk.path("net"))
+    let mut files: Vec<String> = std::fs::read_dir(workspace.path("net"))
         .unwrap()
         .map(|entry| entry.unwrap().file_name().into_string().unwrap())
         .collect();
@@ -63,7 +63,7 @@ fn a_run_writes_its_files() {
         ]
     );
 
-    let report = desk.report("net");
+    let report = workspace.report("net");
     assert_eq!(report["status"], "finished");
     assert_eq!(report["nodes"], 36);
     assert_eq!(report["unknowns"], 102);
@@ -80,13 +80,13 @@ fn a_run_writes_its_files() {
         + number("/energy/method_gain");
     assert!((balance - number("/energy/end/total")).abs() < 1e-12);
 
-    let table = desk.read("net/trajectory.csv");
+    let table = workspace.read("net/trajectory.csv");
     let mut lines = table.lines();
     assert_eq!(lines.next(), Some("time,node,x,y,z,vx,vy,vz"));
     assert_eq!(table.lines().count(), 1 + 5 * 36);
     assert!(table.lines().last().unwrap().starts_with("0.5,35,"));
     // The last frame is the final scene, bit for bit.
-    let last = read_scene(&desk.path("net/final.ron")).unwrap().0;
+    let last = read_scene(&workspace.path("net/final.ron")).unwrap().0;
     for (node, line) in last.nodes.iter().zip(table.lines().skip(1 + 4 * 36)) {
         let numbers: Vec<f64> = line
             .split(',')
@@ -99,25 +99,28 @@ fn a_run_writes_its_files() {
 
 #[test]
 fn frames_do_not_change_the_steps() {
-    let desk = Desk::new();
-    desk.scene("chain.ron", "chain 8 --duration 0.3");
-    desk.expect(0, "run chain.ron --out a --quiet");
-    desk.expect(0, "run chain.ron --out b --quiet --write csv --frames 77");
-    assert_eq!(desk.read("a/final.ron"), desk.read("b/final.ron"));
-    assert_eq!(desk.read("b/trajectory.csv").lines().count(), 1 + 78 * 9);
+    let workspace = Workspace::new();
+    workspace.scene("chain.ron", "chain 8 --duration 0.3");
+    workspace.expect(0, "run chain.ron --out a --quiet");
+    workspace.expect(0, "run chain.ron --out b --quiet --write csv --frames 77");
+    assert_eq!(workspace.read("a/final.ron"), workspace.read("b/final.ron"));
+    assert_eq!(
+        workspace.read("b/trajectory.csv").lines().count(),
+        1 + 78 * 9
+    );
 }
 
 /// A duration that is a whole number of steps only within 1e-9.
 #[test]
 fn the_last_frame_is_the_final_state() {
-    let desk = Desk::new();
-    desk.scene("chain.ron", "chain 4");
+    let workspace = Workspace::new();
+    workspace.scene("chain.ron", "chain 4");
     for duration in ["100.00000005", "99.99999995", "100", "99.97"] {
-        desk.expect(
+        workspace.expect(
             0,
             &format!("run chain.ron --step 0.1 --duration {duration} --frames 4 --write csv --force --quiet"),
         );
-        let table = desk.read("chain/trajectory.csv");
+        let table = workspace.read("chain/trajectory.csv");
         assert_eq!(table.lines().count(), 1 + 5 * 5, "{duration}");
         let last = table.lines().last().unwrap();
         assert!(
@@ -127,7 +130,10 @@ fn the_last_frame_is_the_final_state() {
         let x: f64 = last.split(',').nth(2).unwrap().parse().unwrap();
         assert_eq!(
             x,
-            read_scene(&desk.path("chain/final.ron")).unwrap().0.nodes[4]
+            read_scene(&workspace.path("chain/final.ron"))
+                .unwrap()
+                .0
+                .nodes[4]
                 .position
                 .x
         );
@@ -136,54 +142,54 @@ fn the_last_frame_is_the_final_state() {
 
 #[test]
 fn a_run_continues_from_its_final_scene() {
-    let desk = Desk::new();
-    desk.scene("whole.ron", "cloth 5 --duration 0.5");
-    desk.expect(0, "run whole.ron --quiet");
-    desk.expect(0, "run whole.ron --quiet --duration 0.25 --out half");
-    desk.expect(0, "run half/final.ron --quiet --out rest");
-    let whole = read_scene(&desk.path("whole/final.ron")).unwrap().0;
-    let rest = read_scene(&desk.path("rest/final.ron")).unwrap().0;
+    let workspace = Workspace::new();
+    workspace.scene("whole.ron", "cloth 5 --duration 0.5");
+    workspace.expect(0, "run whole.ron --quiet");
+    workspace.expect(0, "run whole.ron --quiet --duration 0.25 --out half");
+    workspace.expect(0, "run half/final.ron --quiet --out rest");
+    let whole = read_scene(&workspace.path("whole/final.ron")).unwrap().0;
+    let rest = read_scene(&workspace.path("rest/final.ron")).unwrap().0;
     assert_eq!(whole.nodes, rest.nodes);
 }
 
 #[test]
 fn results_are_not_overwritten() {
-    let desk = Desk::new();
-    desk.scene("chain.ron", "chain 3 --duration 0.1");
-    desk.expect(0, "run chain.ron --quiet --write csv");
-    let before = desk.read("chain/final.ron");
-    let said = desk.expect(2, "run chain.ron --duration 0.2");
+    let workspace = Workspace::new();
+    workspace.scene("chain.ron", "chain 3 --duration 0.1");
+    workspace.expect(0, "run chain.ron --quiet --write csv");
+    let before = workspace.read("chain/final.ron");
+    let said = workspace.expect(2, "run chain.ron --duration 0.2");
     assert!(
         said.contains("of another run") && said.contains("--force"),
         "{said}"
     );
-    assert_eq!(desk.read("chain/final.ron"), before);
-    desk.expect(0, "run chain.ron --quiet --duration 0.2 --force");
-    assert_ne!(desk.read("chain/final.ron"), before);
+    assert_eq!(workspace.read("chain/final.ron"), before);
+    workspace.expect(0, "run chain.ron --quiet --duration 0.2 --force");
+    assert_ne!(workspace.read("chain/final.ron"), before);
     assert!(
-        !desk.path("chain/trajectory.csv").exists(),
+        !workspace.path("chain/trajectory.csv").exists(),
         "of the older run"
     );
-    std::fs::write(desk.path("file"), "in the way").unwrap();
-    desk.expect(2, "run chain.ron --out file --force");
-    assert_eq!(desk.read("file"), "in the way");
+    std::fs::write(workspace.path("file"), "in the way").unwrap();
+    workspace.expect(2, "run chain.ron --out file --force");
+    assert_eq!(workspace.read("file"), "in the way");
 }
 
 #[test]
 fn a_method_on_the_command_line_takes_no_tangent_from_the_file() {
-    let desk = Desk::new();
-    desk.scene("chain.ron", "chain 3 --duration 0.1");
-    let text = desk
+    let workspace = Workspace::new();
+    workspace.scene("chain.ron", "chain 3 --duration 0.1");
+    let text = workspace
         .read("chain.ron")
         .replace("step:", "tangent: Filtered, step:");
-    std::fs::write(desk.path("chain.ron"), text).unwrap();
-    desk.expect(0, "run chain.ron --quiet");
-    assert_eq!(desk.report("chain")["tangent"], "filtered");
-    desk.expect(0, "run chain.ron --quiet --force --method tr-bdf2");
-    assert_eq!(desk.report("chain")["tangent"], Value::Null);
-    desk.expect(0, "run chain.ron --force --method auto --tolerance 1e-3");
+    std::fs::write(workspace.path("chain.ron"), text).unwrap();
+    workspace.expect(0, "run chain.ron --quiet");
+    assert_eq!(workspace.report("chain")["tangent"], "filtered");
+    workspace.expect(0, "run chain.ron --quiet --force --method tr-bdf2");
+    assert_eq!(workspace.report("chain")["tangent"], Value::Null);
+    workspace.expect(0, "run chain.ron --force --method auto --tolerance 1e-3");
     assert!(
-        desk.report("chain")["reason"]
+        workspace.report("chain")["reason"]
             .as_str()
             .unwrap()
             .contains("cheapest")
@@ -192,15 +198,15 @@ fn a_method_on_the_command_line_takes_no_tangent_from_the_file() {
 
 #[test]
 fn quiet_means_silent() {
-    let desk = Desk::new();
-    desk.scene("chain.ron", "chain 3 --duration 0.1");
-    assert_eq!(desk.expect(0, "run chain.ron --quiet"), "");
+    let workspace = Workspace::new();
+    workspace.scene("chain.ron", "chain 3 --duration 0.1");
+    assert_eq!(workspace.expect(0, "run chain.ron --quiet"), "");
 }
 
 #[test]
 fn wrong_command_lines_exit_with_2_and_write_nothing() {
-    let desk = Desk::new();
-    desk.scene("chain.ron", "chain 3");
+    let workspace = Workspace::new();
+    workspace.scene("chain.ron", "chain 3");
     for arguments in [
         "",
         "walk chain.ron",
@@ -231,37 +237,37 @@ fn wrong_command_lines_exit_with_2_and_write_nothing() {
         "new chain 3 --stiffness nan",
         "new chain 3 --gravity 1,2",
     ] {
-        desk.expect(2, arguments);
+        workspace.expect(2, arguments);
     }
-    let left = std::fs::read_dir(desk.folder()).unwrap().count();
+    let left = std::fs::read_dir(workspace.folder()).unwrap().count();
     assert_eq!(left, 1, "only the scene");
 }
 
 #[test]
 fn a_failing_simulation_exits_with_3_and_keeps_its_frames() {
-    let desk = Desk::new();
+    let workspace = Workspace::new();
     // A stiff chain in explicit steps above the stability limit.
-    desk.scene("chain.ron", "chain 6 --disturbance 1e-3");
-    let said = desk.expect(
+    workspace.scene("chain.ron", "chain 6 --disturbance 1e-3");
+    let said = workspace.expect(
         3,
         "run chain.ron --method velocity-verlet --step 2e-3 --duration 100 --frames 50000 --write csv,svg",
     );
     assert!(said.contains("the energy diverged at node"), "{said}");
     assert!(said.contains("of 60000.0 N/m was"), "{said}");
     assert!(said.contains("need steps below 1.7e-3 s"), "{said}");
-    let report = desk.report("chain");
+    let report = workspace.report("chain");
     assert_eq!(report["status"], "failed");
     let failure = &report["failure"];
     assert!(failure["node"].as_u64().unwrap() > 0);
     assert!(failure["reason"].as_str().unwrap().contains("node"));
     let steps = report["steps"].as_u64().unwrap();
     assert_eq!(failure["step"], steps + 1);
-    let table = desk.read("chain/trajectory.csv");
+    let table = workspace.read("chain/trajectory.csv");
     let last = table.lines().last().unwrap();
     let last: f64 = last.split(',').next().unwrap().parse().unwrap();
     assert!(last > 0.0 && last <= report["simulated_seconds"].as_f64().unwrap());
-    assert!(read_scene(&desk.path("chain/final.ron")).is_ok());
-    assert!(desk.path("chain/filmstrip.svg").exists());
+    assert!(read_scene(&workspace.path("chain/final.ron")).is_ok());
+    assert!(workspace.path("chain/filmstrip.svg").exists());
 }
 
 /// The numbers of a table without its header.
@@ -275,14 +281,14 @@ fn rows(table: &str) -> Vec<Vec<f64>> {
 /// energies are those of the frame.
 #[test]
 fn energies_join_frames() {
-    let desk = Desk::new();
+    let workspace = Workspace::new();
     // Two parts: a net without rest lengths, in a plane no more, and a weight.
     let scene = "Scene(version: 1, gravity: (0, 0, -9.81),
         nodes: [(position: (0, 0, 0), fixed: true, velocity: (0, 0, 0.5)), (position: (1, 0, 0), mass: 0.5),
             (position: (0, 5, 0), fixed: true), (position: (0, 6, 0.5), mass: 2, velocity: (0.3, 0, 0))],
         springs: [(nodes: (0, 1), stiffness: 200, damping: 0.4), (nodes: (2, 3), stiffness: 40)],
         simulation: (duration: 1.5))";
-    std::fs::write(desk.path("two.ron"), scene).unwrap();
+    std::fs::write(workspace.path("two.ron"), scene).unwrap();
     for options in [
         "--method dop853 --tolerance 1e-8",
         "--method dop853 --tolerance 1e-8 --no-skip",
@@ -290,8 +296,11 @@ fn energies_join_frames() {
         "--tolerance 1e-6",
     ] {
         let more = "--write csv,energy --frames 97 --quiet --force";
-        desk.expect(0, &format!("run two.ron {options} {more}"));
-        let (frames, energies) = (desk.read("two/trajectory.csv"), desk.read("two/energy.csv"));
+        workspace.expect(0, &format!("run two.ron {options} {more}"));
+        let (frames, energies) = (
+            workspace.read("two/trajectory.csv"),
+            workspace.read("two/energy.csv"),
+        );
         let time = |line: &str| line.split(',').next().unwrap().to_owned();
         let of_frames: Vec<String> = frames.lines().skip(1).step_by(4).map(time).collect();
         let of_energies: Vec<String> = energies.lines().skip(1).map(time).collect();
@@ -324,10 +333,10 @@ fn energies_join_frames() {
 
 #[test]
 fn energies_of_a_run_in_fixed_steps() {
-    let desk = Desk::new();
-    desk.scene("cloth.ron", "cloth 6 --duration 0.5");
-    desk.expect(0, "run cloth.ron --write energy --frames 20 --quiet");
-    let text = desk.read("cloth/energy.csv");
+    let workspace = Workspace::new();
+    workspace.scene("cloth.ron", "cloth 6 --duration 0.5");
+    workspace.expect(0, "run cloth.ron --write energy --frames 20 --quiet");
+    let text = workspace.read("cloth/energy.csv");
     let header = "time,kinetic,elastic,gravity,total,anchor_work,dashpot_heat,method_gain,load_work,broken_energy";
     assert_eq!(text.lines().next(), Some(header));
     let table = rows(&text);
@@ -338,11 +347,11 @@ fn energies_of_a_run_in_fixed_steps() {
     assert_eq!(table[20][0], 0.5);
     assert!(table[20][1] > 0.0);
     // In steps that resolve everything, next to nothing is the method's own.
-    desk.expect(
+    workspace.expect(
         0,
         "run cloth.ron --out fine --method velocity-verlet --step 1e-4 --write energy --quiet",
     );
-    let table = rows(&desk.read("fine/energy.csv"));
+    let table = rows(&workspace.read("fine/energy.csv"));
     let last = table.last().unwrap();
     assert!(last[7].abs() < 1e-3 * last[1], "{last:?}");
 }
@@ -350,19 +359,19 @@ fn energies_of_a_run_in_fixed_steps() {
 /// What leaves the range of numbers is an error before it is written anywhere.
 #[test]
 fn no_file_gets_a_number_that_is_none() {
-    let desk = Desk::new();
+    let workspace = Workspace::new();
     let scene = |nodes: &str, more: &str| {
         let text = format!(
             "Scene(version: 1, nodes: [{nodes}],\n{more},\nsimulation: (method: VelocityVerlet, step: 1, duration: 100))"
         );
-        std::fs::write(desk.path("far.ron"), text).unwrap();
+        std::fs::write(workspace.path("far.ron"), text).unwrap();
     };
     let no_springs = "springs: []";
     scene(
         "(position: (0, 0, 0), velocity: (1e153, 0, 0), fixed: true), (position: (1, 0, 0), mass: 1, velocity: (0, 1, 0))",
         no_springs,
     );
-    let said = desk.expect(2, "run far.ron");
+    let said = workspace.expect(2, "run far.ron");
     assert!(
         said.contains("node 0 is fixed and moves to 1e155 m"),
         "{said}"
@@ -372,7 +381,7 @@ fn no_file_gets_a_number_that_is_none() {
         "(position: (0, 0, 0), velocity: (1e160, 0, 0), mass: 1)",
         no_springs,
     );
-    let said = desk.expect(2, "run far.ron");
+    let said = workspace.expect(2, "run far.ron");
     assert!(
         said.contains("its kinetic energy is not a finite number"),
         "{said}"
@@ -381,40 +390,40 @@ fn no_file_gets_a_number_that_is_none() {
         "(position: (0, 0, 1e100), mass: 1e100)",
         "gravity: (0, 0, -1e200), springs: []",
     );
-    let said = desk.expect(2, "run far.ron");
+    let said = workspace.expect(2, "run far.ron");
     assert!(said.contains("the energy at the start"), "{said}");
     // It falls until its energy is no number any more.
     scene(
         "(position: (0, 0, 0), mass: 1)",
         "gravity: (0, 0, -1e153), springs: []",
     );
-    let said = desk.expect(3, "run far.ron --write csv,energy --frames 100");
+    let said = workspace.expect(3, "run far.ron --write csv,energy --frames 100");
     assert!(said.contains("at node 0 in step"), "{said}");
     for name in ["trajectory.csv", "energy.csv", "report.json", "final.ron"] {
-        let text = desk.read(&format!("far/{name}"));
+        let text = workspace.read(&format!("far/{name}"));
         let is_clean = ["NaN", "inf", "null,"]
             .iter()
             .all(|word| !text.contains(word));
         assert!(is_clean || name == "report.json", "{name}: {text}");
     }
-    let report = desk.report("far");
+    let report = workspace.report("far");
     assert!(report["energy"]["end"]["total"].is_number(), "{report}");
-    let frames = rows(&desk.read("far/trajectory.csv"));
+    let frames = rows(&workspace.read("far/trajectory.csv"));
     assert_eq!(frames.len() as u64, 1 + report["steps"].as_u64().unwrap());
-    assert_eq!(rows(&desk.read("far/energy.csv")).len(), frames.len());
+    assert_eq!(rows(&workspace.read("far/energy.csv")).len(), frames.len());
     assert_eq!(report["failure"]["time"], frames.last().unwrap()[0]);
 }
 
 #[test]
 fn scenes_come_through_pipes() {
-    let desk = Desk::new();
-    desk.scene("chain.ron", "chain 4 --duration 0.1");
-    let mut child = desk
+    let workspace = Workspace::new();
+    workspace.scene("chain.ron", "chain 4 --duration 0.1");
+    let mut child = workspace
         .command("run - --quiet")
         .stdin(Stdio::piped())
         .spawn()
         .unwrap();
-    let text = desk.read("chain.ron");
+    let text = workspace.read("chain.ron");
     child
         .stdin
         .take()
@@ -422,18 +431,21 @@ fn scenes_come_through_pipes() {
         .write_all(text.as_bytes())
         .unwrap();
     assert!(child.wait().unwrap().success());
-    desk.expect(0, "run chain.ron --quiet");
-    assert_eq!(desk.read("scene/final.ron"), desk.read("chain/final.ron"));
+    workspace.expect(0, "run chain.ron --quiet");
+    assert_eq!(
+        workspace.read("scene/final.ron"),
+        workspace.read("chain/final.ron")
+    );
 }
 
 #[test]
 fn check_runs_nothing_and_says_what_is_there() {
-    let desk = Desk::new();
-    desk.scene(
+    let workspace = Workspace::new();
+    workspace.scene(
         "block.ron",
         "block 3 --stiffness 1e9 --method velocity-verlet --step 0.01",
     );
-    let output = desk.springs("check block.ron");
+    let output = workspace.springs("check block.ron");
     assert!(output.status.success());
     let said = String::from_utf8(output.stdout).unwrap();
     for part in [
@@ -444,7 +456,7 @@ fn check_runs_nothing_and_says_what_is_there() {
     ] {
         assert!(said.contains(part), "{part} in:\n{said}");
     }
-    assert_eq!(std::fs::read_dir(desk.folder()).unwrap().count(), 1);
+    assert_eq!(std::fs::read_dir(workspace.folder()).unwrap().count(), 1);
 }
 
 #[test]
@@ -453,10 +465,10 @@ fn every_real_scene_runs() {
     let mut run = 0;
     for entry in std::fs::read_dir(scenes).unwrap() {
         let path = entry.unwrap().path();
-        let desk = Desk::new();
-        let checked = desk.springs(&format!("check {}", path.display()));
+        let workspace = Workspace::new();
+        let checked = workspace.springs(&format!("check {}", path.display()));
         assert!(checked.status.success(), "{}", path.display());
-        desk.expect(
+        workspace.expect(
             0,
             &format!(
                 "run {} --duration 0.2 --write csv,svg --quiet",
@@ -471,14 +483,14 @@ fn every_real_scene_runs() {
 /// A name may hold what a terminal takes for commands, and line breaks.
 #[test]
 fn names_from_files_are_shown_as_text() {
-    let desk = Desk::new();
+    let workspace = Workspace::new();
     let scene = r#"Scene(version: 1, name: "\u{1b}]0;title\u{7}\u{1b}[31mred\nerror: <no> & \u{202e}",
         nodes: [(position: (0, 0, 0), velocity: (1, 0, 0), mass: 1)],
         simulation: (method: VelocityVerlet, step: 0.01, duration: 0.1))"#;
-    std::fs::write(desk.path("named.ron"), scene).unwrap();
-    let checked = String::from_utf8(desk.springs("check named.ron").stdout).unwrap();
-    let said = desk.expect(0, "run named.ron --write svg");
-    let picture = desk.read("named/filmstrip.svg");
+    std::fs::write(workspace.path("named.ron"), scene).unwrap();
+    let checked = String::from_utf8(workspace.springs("check named.ron").stdout).unwrap();
+    let said = workspace.expect(0, "run named.ron --write svg");
+    let picture = workspace.read("named/filmstrip.svg");
     let hostile = |c: char| (c.is_control() && c != '\n') || c == '\u{202e}';
     for text in [&checked, &said, &picture] {
         assert!(text.contains("\\u{1b}[31mred\\nerror"), "{text}");
@@ -486,15 +498,15 @@ fn names_from_files_are_shown_as_text() {
     }
     assert!(picture.contains("&lt;no&gt; &amp;"));
     // So is a file name.
-    let missing = desk.expect(2, "run no\u{1b}such.ron");
+    let missing = workspace.expect(2, "run no\u{1b}such.ron");
     assert!(!missing.contains(hostile), "{missing:?}");
 }
 
 /// The trial runs of these take hours, and a check makes none.
 #[test]
 fn check_makes_no_step() {
-    let desk = Desk::new();
-    desk.scene("cloth.ron", "cloth 8 --duration 1e4");
+    let workspace = Workspace::new();
+    workspace.scene("cloth.ron", "cloth 8 --duration 1e4");
     for (how, settles) in [
         (
             "--method implicit-midpoint --tolerance 1e-12",
@@ -510,7 +522,7 @@ fn check_makes_no_step() {
         ),
     ] {
         let begin = std::time::Instant::now();
-        let said = String::from_utf8(desk.springs(&format!("check cloth.ron {how}")).stdout);
+        let said = String::from_utf8(workspace.springs(&format!("check cloth.ron {how}")).stdout);
         let said = said.unwrap();
         let settled = format!("trial runs first; they settle {settles}");
         assert!(said.contains(&settled), "{said}");
@@ -520,15 +532,15 @@ fn check_makes_no_step() {
 
 #[test]
 fn check_finds_nothing_wrong_with_sound_scenes() {
-    let desk = Desk::new();
+    let workspace = Workspace::new();
     let mut paths = vec![];
     for (name, arguments) in [
         ("chain.ron", "chain 50 --tolerance 1e-3"),
         ("cloth.ron", "cloth 24 --tolerance 1e-3"),
         ("block.ron", "block 6 --tolerance 1e-3"),
     ] {
-        desk.scene(name, arguments);
-        paths.push(desk.path(name));
+        workspace.scene(name, arguments);
+        paths.push(workspace.path(name));
     }
     let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/scenes");
     paths.extend(
@@ -538,7 +550,7 @@ fn check_finds_nothing_wrong_with_sound_scenes() {
     );
     assert!(paths.len() >= 7);
     for path in paths {
-        let output = desk.springs(&format!("check {} --tolerance 1e-2", path.display()));
+        let output = workspace.springs(&format!("check {} --tolerance 1e-2", path.display()));
         let said = String::from_utf8(output.stdout).unwrap();
         for alarm in ["unit wrong", "is stiffness", "is damping", "is it"] {
             assert!(!said.contains(alarm), "{}:\n{said}", path.display());
@@ -549,9 +561,9 @@ fn check_finds_nothing_wrong_with_sound_scenes() {
 /// Nothing that moves is 0 kg.
 #[test]
 fn check_tells_no_negative_zero() {
-    let desk = Desk::new();
+    let workspace = Workspace::new();
     let scene = "Scene(version: 1, nodes: [(position: (0, 0, 0), fixed: true)])";
-    std::fs::write(desk.path("one.ron"), scene).unwrap();
-    let said = String::from_utf8(desk.springs("check one.ron").stdout).unwrap();
+    std::fs::write(workspace.path("one.ron"), scene).unwrap();
+    let said = String::from_utf8(workspace.springs("check one.ron").stdout).unwrap();
     assert!(said.contains("  0 kg free to move"), "{said}");
 }

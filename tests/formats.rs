@@ -276,23 +276,23 @@ fn samples_hold_what_the_table_holds() {
 #[cfg(unix)]
 #[test]
 fn outputs_that_find_no_room_go_on() {
-    use common::desk::{Desk, all_files};
+    use common::workspace::{Workspace, all_files};
     for output in ["npz", "pc2"] {
-        let desk = Desk::new();
-        desk.scene("net.ron", "cloth 8 --duration 1");
+        let workspace = Workspace::new();
+        workspace.scene("net.ron", "cloth 8 --duration 1");
         let options = format!("--write {output} --frames 3000 --checkpoint 0.1s --quiet");
-        desk.expect(0, &format!("run net.ron --out whole {options}"));
-        let output = desk.springs_within("-f 1000", &format!("run net.ron --out d {options}"));
+        workspace.expect(0, &format!("run net.ron --out whole {options}"));
+        let output = workspace.springs_within("-f 1000", &format!("run net.ron --out d {options}"));
         assert_eq!(output.status.code(), Some(1));
-        let names = desk.names("d");
+        let names = workspace.names("d");
         assert!(names.contains(&"checkpoint.bin".to_owned()), "{names:?}");
         assert!(
             names.iter().any(|name| name.ends_with(".part")),
             "{names:?}"
         );
-        desk.expect(0, "resume d --quiet");
+        workspace.expect(0, "resume d --quiet");
         let [resumed, whole] = ["d", "whole"].map(|name| {
-            let mut files = all_files(&desk.path(name));
+            let mut files = all_files(&workspace.path(name));
             files.remove("report.json");
             files
         });

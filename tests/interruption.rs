@@ -4,22 +4,22 @@
 
 mod common;
 
-use common::desk::{Desk, signal, wait_until};
+use common::workspace::{Workspace, signal, wait_until};
 use springs::io::read_scene;
 use std::process::{Command, Stdio};
 
 /// Far more frames than anybody waits for.
 const ENDLESS: &str = "run cloth.ron --out o --write csv --frames 1000000 --quiet";
 
-fn endless_cloth() -> Desk {
-    let desk = Desk::new();
-    desk.scene("cloth.ron", "cloth 8 --duration 1e6");
-    desk
+fn endless_cloth() -> Workspace {
+    let workspace = Workspace::new();
+    workspace.scene("cloth.ron", "cloth 8 --duration 1e6");
+    workspace
 }
 
 /// Waits until a run has written some frames into `o`.
-fn wait_for_frames(desk: &Desk) {
-    wait_until("frames are written", || desk.size("o") > 100_000);
+fn wait_for_frames(workspace: &Workspace) {
+    wait_until("frames are written", || workspace.size("o") > 100_000);
 }
 
 /// What the signals mean to a process: a line of its status, of one bit a signal.
@@ -33,22 +33,22 @@ fn signal_mask(child: &std::process::Child, line: &str) -> u64 {
 #[test]
 fn every_ending_signal_leaves_what_there_is() {
     for name in ["INT", "TERM", "HUP"] {
-        let desk = endless_cloth();
-        let child = desk.start_heard(ENDLESS);
-        wait_for_frames(&desk);
+        let workspace = endless_cloth();
+        let child = workspace.start_heard(ENDLESS);
+        wait_for_frames(&workspace);
         signal(&child, name);
         let output = child.wait_with_output().unwrap();
         let said = String::from_utf8(output.stderr).unwrap();
         assert_eq!(output.status.code(), Some(130), "{name}: {said}");
         assert!(said.contains("error: interrupted at "), "{said}");
         assert!(said.contains("`springs resume o`"), "{said}");
-        let report = desk.report("o");
+        let report = workspace.report("o");
         assert_eq!(report["status"], "interrupted");
         assert!(report["steps"].as_u64().unwrap() > 0);
-        assert!(read_scene(&desk.path("o/final.ron")).is_ok());
-        assert!(desk.read("o/trajectory.csv").ends_with('\n'));
+        assert!(read_scene(&workspace.path("o/final.ron")).is_ok());
+        assert!(workspace.read("o/trajectory.csv").ends_with('\n'));
         assert_eq!(
-            desk.names("o"),
+            workspace.names("o"),
             [
                 "checkpoint.bin",
                 "final.ron",
@@ -64,18 +64,18 @@ fn every_ending_signal_leaves_what_there_is() {
 #[test]
 fn an_interrupted_run_can_be_resumed() {
     for more in ["", "--checkpoint 0.1s"] {
-        let desk = Desk::new();
+        let workspace = Workspace::new();
         // Seconds of work, which nobody can have done in the time between two looks.
-        desk.scene("cloth.ron", "cloth 12 --duration 0.2 --step 5e-5");
+        workspace.scene("cloth.ron", "cloth 12 --duration 0.2 --step 5e-5");
         let options = "--write csv,energy,svg,view --frames 200 --quiet";
-        desk.expect(0, &format!("run cloth.ron --out whole {options}"));
-        let mut child = desk.start(&format!("run cloth.ron --out o {options} {more}"));
-        wait_for_frames(&desk);
+        workspace.expect(0, &format!("run cloth.ron --out whole {options}"));
+        let mut child = workspace.start(&format!("run cloth.ron --out o {options} {more}"));
+        wait_for_frames(&workspace);
         signal(&child, "INT");
         assert_eq!(child.wait().unwrap().code(), Some(130));
-        let refused = desk.expect(2, "run cloth.ron --out o --quiet");
+        let refused = workspace.expect(2, "run cloth.ron --out o --quiet");
         assert!(refused.contains("another run"), "{refused}");
-        desk.expect(0, "resume o --quiet");
+        workspace.expect(0, "resume o --quiet");
         let names = [
             "final.ron",
             "trajectory.csv",
@@ -85,10 +85,13 @@ fn an_interrupted_run_can_be_resumed() {
         ];
         for name in names {
             let (whole, resumed) = (format!("whole/{name}"), format!("o/{name}"));
-            assert!(desk.read(&whole) == desk.read(&resumed), "{name} {more}");
+            assert!(
+                workspace.read(&whole) == workspace.read(&resumed),
+                "{name} {more}"
+            );
         }
-        assert_eq!(desk.report("o")["status"], "finished");
-        let nothing = desk.expect(2, "resume o");
+        assert_eq!(workspace.report("o")["status"], "finished");
+        let nothing = workspace.expect(2, "resume o");
         assert!(nothing.contains("holds no checkpoint"), "{nothing}");
     }
 }
@@ -96,15 +99,15 @@ fn an_interrupted_run_can_be_resumed() {
 /// Both signals reach a program that was stopped, so they are there at once.
 #[test]
 fn a_second_signal_ends_the_program_at_once() {
-    let desk = endless_cloth();
-    let mut child = desk.start(ENDLESS);
-    wait_for_frames(&desk);
+    let workspace = endless_cloth();
+    let mut child = workspace.start(ENDLESS);
+    wait_for_frames(&workspace);
     signal(&child, "STOP");
     signal(&child, "INT");
     signal(&child, "TERM");
     signal(&child, "CONT");
     assert_eq!(child.wait().unwrap().code(), Some(130));
-    let names = desk.names("o");
+    let names = workspace.names("o");
     let results: Vec<_> = names.iter().filter(|name| !name.starts_with('.')).collect();
     assert_eq!(results, Vec::<&String>::new(), "nothing was complete");
 }
@@ -114,8 +117,12 @@ fn a_second_signal_ends_the_program_at_once() {
 #[test]
 fn a_signal_before_anything_is_written_ends_the_program_at_once() {
     for command in ["run - --out o", "study - --out o"] {
-        let desk = Desk::new();
-        let mut child = desk.command(command).stdin(Stdio::piped()).spawn().unwrap();
+        let workspace = Workspace::new();
+        let mut child = workspace
+            .command(command)
+            .stdin(Stdio::piped())
+            .spawn()
+            .unwrap();
         wait_until("signals are watched", || {
             signal_mask(&child, "SigCgt:") & 1 << 14 != 0
         });
@@ -124,7 +131,7 @@ fn a_signal_before_anything_is_written_ends_the_program_at_once() {
         let input = child.stdin.take();
         assert_eq!(child.wait().unwrap().code(), Some(130), "{command}");
         drop(input);
-        assert!(!desk.path("o").exists());
+        assert!(!workspace.path("o").exists());
     }
 }
 
@@ -132,22 +139,22 @@ fn a_signal_before_anything_is_written_ends_the_program_at_once() {
 #[cfg(target_os = "linux")]
 #[test]
 fn an_ignored_signal_stays_ignored() {
-    let desk = endless_cloth();
+    let workspace = endless_cloth();
     let program = env!("CARGO_BIN_EXE_springs");
     let mut child = Command::new("sh")
         .args(["-c", &format!("trap '' HUP; exec {program} {ENDLESS}")])
-        .current_dir(desk.folder())
+        .current_dir(workspace.folder())
         .spawn()
         .unwrap();
-    wait_for_frames(&desk);
+    wait_for_frames(&workspace);
     assert_eq!(
         signal_mask(&child, "SigIgn:") & 1,
         1,
         "hangups are still ignored"
     );
     signal(&child, "HUP");
-    let size = desk.size("o");
-    wait_until("the run goes on", || desk.size("o") > size + 100_000);
+    let size = workspace.size("o");
+    wait_until("the run goes on", || workspace.size("o") > size + 100_000);
     signal(&child, "INT");
     assert_eq!(child.wait().unwrap().code(), Some(130));
 }
@@ -156,21 +163,21 @@ fn an_ignored_signal_stays_ignored() {
 #[test]
 fn a_run_that_is_always_writing_checkpoints_can_be_interrupted() {
     for every in ["1", "0.0001s"] {
-        let desk = Desk::new();
+        let workspace = Workspace::new();
         std::fs::write(
-            desk.path("swing.ron"),
+            workspace.path("swing.ron"),
             "Scene(version: 1, nodes: [(position: (0, 0, 0), fixed: true), (position: (1, 0, 0), mass: 1)],
                 springs: [(nodes: (0, 1), stiffness: 100)], gravity: (0, 0, -9.81),
                 simulation: (method: VelocityVerlet, step: 0.0001, duration: 1e6))",
         )
         .unwrap();
-        let mut child = desk.start(&format!("run swing.ron --checkpoint {every} --out o"));
+        let mut child = workspace.start(&format!("run swing.ron --checkpoint {every} --out o"));
         wait_until("the first checkpoint is written", || {
-            desk.path("o/checkpoint.bin").exists()
+            workspace.path("o/checkpoint.bin").exists()
         });
         signal(&child, "INT");
         assert_eq!(child.wait().unwrap().code(), Some(130), "{every}");
-        assert_eq!(desk.report("o")["status"], "interrupted");
+        assert_eq!(workspace.report("o")["status"], "interrupted");
     }
 }
 
@@ -178,17 +185,17 @@ fn a_run_that_is_always_writing_checkpoints_can_be_interrupted() {
 #[test]
 fn parts_write_checkpoints_as_often_as_asked_for() {
     for every in ["100", "0.01s"] {
-        let desk = Desk::new();
+        let workspace = Workspace::new();
         std::fs::write(
-            desk.path("two.ron"),
+            workspace.path("two.ron"),
             "Scene(version: 1, gravity: (0, 0, -9.81),
                 nodes: [(position: (0, 0, 0), fixed: true), (position: (1, 0, 0), mass: 1), (position: (-1, 0, 0.5), mass: 1)],
                 springs: [(nodes: (0, 1), stiffness: 100), (nodes: (0, 2), stiffness: 50)],
                 simulation: (method: TrBdf2, step: 0.0001, duration: 1e6))",
         )
         .unwrap();
-        let mut child = desk.start(&format!("run two.ron --checkpoint {every} --out o"));
-        let path = desk.path("o/checkpoint.bin");
+        let mut child = workspace.start(&format!("run two.ron --checkpoint {every} --out o"));
+        let path = workspace.path("o/checkpoint.bin");
         // A round of all parts takes 62 500 s.
         let mut seen: Vec<Vec<u8>> = Vec::new();
         wait_until("several checkpoints are written", || {
@@ -207,32 +214,32 @@ fn parts_write_checkpoints_as_often_as_asked_for() {
 /// Trial runs are part of the run: nothing is lost, and it can be resumed.
 #[test]
 fn a_run_can_be_interrupted_in_its_trial_runs() {
-    let desk = Desk::new();
-    desk.scene(
+    let workspace = Workspace::new();
+    workspace.scene(
         "cloth.ron",
         "cloth 16 --method implicit-midpoint --tolerance 1e-12",
     );
-    let mut child = desk.start("run cloth.ron --checkpoint 1s --out o --quiet");
+    let mut child = workspace.start("run cloth.ron --checkpoint 1s --out o --quiet");
     wait_until("the first checkpoint is written", || {
-        desk.path("o/checkpoint.bin").exists()
+        workspace.path("o/checkpoint.bin").exists()
     });
     signal(&child, "INT");
     assert_eq!(child.wait().unwrap().code(), Some(130));
-    let report = desk.report("o");
+    let report = workspace.report("o");
     assert_eq!(report["status"], "interrupted");
     assert_eq!(report["steps"], 0);
-    assert!(desk.path("o/checkpoint.bin").exists());
+    assert!(workspace.path("o/checkpoint.bin").exists());
 }
 
 #[test]
 fn a_checkpoint_that_is_not_sound_is_refused() {
-    let desk = Desk::new();
-    desk.scene("cloth.ron", "cloth 6 --duration 1e3");
+    let workspace = Workspace::new();
+    workspace.scene("cloth.ron", "cloth 6 --duration 1e3");
     // Too long to be finished.
-    let mut child = desk.start("run cloth.ron --checkpoint 10 --write csv --quiet");
+    let mut child = workspace.start("run cloth.ron --checkpoint 10 --write csv --quiet");
     let (path, part) = (
-        desk.path("cloth/checkpoint.bin"),
-        desk.path("cloth/trajectory.csv.part"),
+        workspace.path("cloth/checkpoint.bin"),
+        workspace.path("cloth/trajectory.csv.part"),
     );
     wait_until("frames are written", || {
         std::fs::metadata(&part).map_or(0, |part| part.len()) > 1_000_000
@@ -244,7 +251,7 @@ fn a_checkpoint_that_is_not_sound_is_refused() {
     flipped[100] ^= 4;
     for bad in [&sound[..sound.len() / 2], &flipped, b"Scene("] {
         std::fs::write(&path, bad).unwrap();
-        let error = desk.expect(2, "resume cloth");
+        let error = workspace.expect(2, "resume cloth");
         let named = ["damaged", "not a checkpoint"]
             .iter()
             .any(|why| error.contains(why));
@@ -254,7 +261,7 @@ fn a_checkpoint_that_is_not_sound_is_refused() {
     std::fs::write(&path, &sound).unwrap();
     let rows = std::fs::read(&part).unwrap();
     std::fs::write(&part, &rows[..40]).unwrap();
-    let error = desk.expect(2, "resume cloth");
+    let error = workspace.expect(2, "resume cloth");
     assert!(error.contains("trajectory.csv.part"), "{error}");
     assert_eq!(std::fs::read(&path).unwrap(), sound, "nothing was touched");
 }

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{METHODS, after, desk::Desk, distance, solved, with};
+use common::{METHODS, after, distance, solved, with, workspace::Workspace};
 use nalgebra::Vector3;
 use springs::scene::{Method, NamedMotion, Node, PrescribedMotion, Scene, StepControl};
 use springs::step::{Frame, Observer, Simulation, properties};
@@ -211,9 +211,9 @@ fn stiff_springs_follow_without_locking() {
 /// What a run leaves goes on as if it had not been stopped, from files, too.
 #[test]
 fn a_scene_goes_on_with_its_motions() {
-    let desk = Desk::new();
+    let workspace = Workspace::new();
     std::fs::write(
-        desk.path("crane.csv"),
+        workspace.path("crane.csv"),
         "time,x,y,z\n0,0,0,0\n0.5, 0.1,0,0.2\n\n1.5,0,0,0.4\n",
     )
     .unwrap();
@@ -227,12 +227,12 @@ fn a_scene_goes_on_with_its_motions() {
         springs: [(nodes: (0, 2), stiffness: 100), (nodes: (1, 2), stiffness: 100)],
         simulation: (method: Dop853, tolerance: 1e-10, duration: 0.7),
     )"#;
-    std::fs::write(desk.path("a.ron"), text).unwrap();
-    desk.expect(0, "run a.ron --duration 1.2 --out through --quiet");
-    desk.expect(0, "run a.ron --out first --quiet");
-    desk.expect(0, "run first/final.ron --duration 0.5 --out second --quiet");
+    std::fs::write(workspace.path("a.ron"), text).unwrap();
+    workspace.expect(0, "run a.ron --duration 1.2 --out through --quiet");
+    workspace.expect(0, "run a.ron --out first --quiet");
+    workspace.expect(0, "run first/final.ron --duration 0.5 --out second --quiet");
     let nodes = |run: &str| {
-        let path = desk.path(&format!("{run}/final.ron"));
+        let path = workspace.path(&format!("{run}/final.ron"));
         let (scene, _) = springs::io::read_scene(&path).unwrap();
         let nodes = 0..scene.nodes.len();
         nodes
@@ -241,7 +241,7 @@ fn a_scene_goes_on_with_its_motions() {
     };
     let off = distance(&nodes("second"), &nodes("through"));
     assert!(off < 1e-8, "{off:e}");
-    let (scene, _) = springs::io::read_scene(&desk.path("a.ron")).unwrap();
+    let (scene, _) = springs::io::read_scene(&workspace.path("a.ron")).unwrap();
     let end = solved(&scene, Method::TrBdf2, 1e-5);
     assert!(distance(&end, &nodes("first")) < 1e-5);
 }

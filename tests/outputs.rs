@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::desk::all_files;
+use common::workspace::all_files;
 use springs::io::{FrameMembers, Mark, RunEnd, RunPlan, SinkKind, TrajectoryFrame};
 use springs::scene::generate::{Material, cloth};
 use springs::scene::{BreakLimit, Scene, Vector3};

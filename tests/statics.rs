@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::desk::{Desk, signal, wait_until};
+use common::workspace::{Workspace, signal, wait_until};
 use springs::io::{parse_scene, read_scene, scene_to_string};
 use springs::scene::{Start, Vector3};
 use springs::step::{SetupError, Simulation};
@@ -19,20 +19,20 @@ const PENDULUM: &str = "Scene(
     simulation: (start: Equilibrium, method: TrBdf2, step: 0.01, duration: 0.2),
 )";
 
-fn desk(text: &str) -> Desk {
-    let desk = Desk::new();
-    std::fs::write(desk.path("it.ron"), text).unwrap();
-    desk
+fn workspace(text: &str) -> Workspace {
+    let workspace = Workspace::new();
+    std::fs::write(workspace.path("it.ron"), text).unwrap();
+    workspace
 }
 
 #[test]
 fn settle_writes_the_equilibrium_at_rest() {
-    let desk = desk(PENDULUM);
-    let said = desk.expect(0, "settle it.ron");
+    let workspace = workspace(PENDULUM);
+    let said = workspace.expect(0, "settle it.ron");
     assert!(said.contains("stable equilibrium"), "{said}");
     let expected = ["final.ron", "reactions.csv", "report.json", "springs.csv"];
-    assert_eq!(desk.names("it"), expected);
-    let report = desk.report("it");
+    assert_eq!(workspace.names("it"), expected);
+    let report = workspace.report("it");
     assert_eq!(report["status"], "stable");
     assert_eq!(
         (&report["negative_pivots"], &report["zero_pivots"]),
@@ -42,53 +42,56 @@ fn settle_writes_the_equilibrium_at_rest() {
     for field in ["iterations", "seconds", "largest_force", "nodes", "springs"] {
         assert!(report[field].is_number(), "{field}");
     }
-    let (scene, _) = read_scene(&desk.path("it/final.ron")).unwrap();
+    let (scene, _) = read_scene(&workspace.path("it/final.ron")).unwrap();
     assert!((scene.nodes[1].position - Vector3::new(0.0, 0.0, -1.02)).norm() < 1e-9);
     assert_eq!(scene.nodes[1].velocity, Vector3::zeros());
     assert_eq!(scene.springs[0].rest_length, 1.0);
     assert_eq!(scene.settings.start, Start::AsGiven);
-    let springs = desk.read("it/springs.csv");
+    let springs = workspace.read("it/springs.csv");
     let row: Vec<&str> = springs.lines().nth(1).unwrap().split(',').collect();
     assert_eq!((row[0], row[1], row[5]), ("0.0", "0", "taut"));
     assert!((row[4].parse::<f64>().unwrap() - 20.0).abs() < 1e-8);
-    let reactions = desk.read("it/reactions.csv");
+    let reactions = workspace.read("it/reactions.csv");
     assert_eq!(reactions.lines().count(), 2);
 
     // In equilibrium already: nothing is moved.
-    std::fs::copy(desk.path("it/final.ron"), desk.path("again.ron")).unwrap();
-    let said = desk.expect(0, "settle again.ron");
+    std::fs::copy(workspace.path("it/final.ron"), workspace.path("again.ron")).unwrap();
+    let said = workspace.expect(0, "settle again.ron");
     assert!(said.contains("as given"), "{said}");
-    assert_eq!(desk.read("again/final.ron"), desk.read("it/final.ron"));
+    assert_eq!(
+        workspace.read("again/final.ron"),
+        workspace.read("it/final.ron")
+    );
 }
 
 #[test]
 fn nothing_of_another_run_is_replaced_unasked() {
-    let desk = desk(PENDULUM);
-    desk.expect(0, "run it.ron --quiet");
-    let before = desk.names("it");
+    let workspace = workspace(PENDULUM);
+    workspace.expect(0, "run it.ron --quiet");
+    let before = workspace.names("it");
     for command in ["settle", "modes"] {
-        let said = desk.expect(2, &format!("{command} it.ron"));
+        let said = workspace.expect(2, &format!("{command} it.ron"));
         assert!(said.contains("of another run"), "{said}");
-        assert_eq!(desk.names("it"), before);
+        assert_eq!(workspace.names("it"), before);
     }
-    desk.expect(0, "modes it.ron --force --quiet");
-    assert!(desk.names("it").contains(&"modes.csv".to_owned()));
-    let said = desk.expect(2, "run it.ron");
+    workspace.expect(0, "modes it.ron --force --quiet");
+    assert!(workspace.names("it").contains(&"modes.csv".to_owned()));
+    let said = workspace.expect(2, "run it.ron");
     assert!(said.contains("of another run"), "{said}");
     // What is not of the new run goes.
-    desk.expect(0, "settle it.ron --force --quiet");
-    assert!(!desk.names("it").contains(&"modes.csv".to_owned()));
+    workspace.expect(0, "settle it.ron --force --quiet");
+    assert!(!workspace.names("it").contains(&"modes.csv".to_owned()));
 }
 
 #[test]
 fn a_run_may_start_from_equilibrium() {
-    let desk = desk(PENDULUM);
-    desk.expect(0, "settle it.ron --out settled --quiet");
-    let said = desk.expect(0, "run it.ron --out run --write csv");
+    let workspace = workspace(PENDULUM);
+    workspace.expect(0, "settle it.ron --out settled --quiet");
+    let said = workspace.expect(0, "run it.ron --out run --write csv");
     assert!(said.contains("start: stable equilibrium"), "{said}");
-    let (settled, _) = read_scene(&desk.path("settled/final.ron")).unwrap();
+    let (settled, _) = read_scene(&workspace.path("settled/final.ron")).unwrap();
     // Positions are those of the equilibrium, velocities those of the scene.
-    let first = desk
+    let first = workspace
         .read("run/trajectory.csv")
         .lines()
         .nth(2)
@@ -98,21 +101,21 @@ fn a_run_may_start_from_equilibrium() {
     assert_eq!(numbers[4], settled.nodes[1].position.z);
     assert_eq!(numbers[5..], [0.0, 1.0, 0.0]);
     // It goes on where it was.
-    let (last, _) = read_scene(&desk.path("run/final.ron")).unwrap();
+    let (last, _) = read_scene(&workspace.path("run/final.ron")).unwrap();
     assert_eq!(last.settings.start, Start::AsGiven);
-    desk.expect(0, "run run/final.ron --out second --quiet");
-    desk.expect(0, "run it.ron --duration 0.4 --out whole --quiet");
-    let (second, _) = read_scene(&desk.path("second/final.ron")).unwrap();
-    let (whole, _) = read_scene(&desk.path("whole/final.ron")).unwrap();
+    workspace.expect(0, "run run/final.ron --out second --quiet");
+    workspace.expect(0, "run it.ron --duration 0.4 --out whole --quiet");
+    let (second, _) = read_scene(&workspace.path("second/final.ron")).unwrap();
+    let (whole, _) = read_scene(&workspace.path("whole/final.ron")).unwrap();
     let apart = second.nodes[1].position - whole.nodes[1].position;
     assert!(apart.norm() < 1e-12, "{apart:?}");
 
-    let checked = desk.springs("check it.ron");
+    let checked = workspace.springs("check it.ron");
     let checked = String::from_utf8(checked.stdout).unwrap();
     assert!(checked.contains("starts from its equilibrium"), "{checked}");
 
     // The library settles nothing unasked.
-    let (scene, options) = read_scene(&desk.path("it.ron")).unwrap();
+    let (scene, options) = read_scene(&workspace.path("it.ron")).unwrap();
     let text = scene_to_string(&scene, &options);
     assert_eq!(parse_scene("it", &text).unwrap().0, scene);
     let error = Simulation::new(&scene).err().unwrap();
@@ -125,26 +128,29 @@ fn a_run_may_start_from_equilibrium() {
 #[test]
 fn a_run_that_was_stopped_goes_on_without_settling_again() {
     // Long enough to be stopped on the way.
-    let desk = desk(&PENDULUM.replace("duration: 0.2", "duration: 300"));
-    let mut child = desk.start("run it.ron --out stopped --checkpoint 1000");
+    let workspace = workspace(&PENDULUM.replace("duration: 0.2", "duration: 300"));
+    let mut child = workspace.start("run it.ron --out stopped --checkpoint 1000");
     wait_until("a checkpoint", || {
-        desk.path("stopped/checkpoint.bin").exists()
+        workspace.path("stopped/checkpoint.bin").exists()
     });
     signal(&child, "INT");
     child.wait().unwrap();
-    let said = desk.expect(0, "resume stopped");
+    let said = workspace.expect(0, "resume stopped");
     assert!(!said.contains("start:"), "{said}");
-    desk.expect(0, "run it.ron --out whole");
-    assert_eq!(desk.read("stopped/final.ron"), desk.read("whole/final.ron"));
+    workspace.expect(0, "run it.ron --out whole");
+    assert_eq!(
+        workspace.read("stopped/final.ron"),
+        workspace.read("whole/final.ron")
+    );
 }
 
 #[test]
 fn modes_are_those_of_a_pendulum() {
-    let desk = desk(PENDULUM);
-    let said = desk.expect(0, "modes it.ron -n 20");
+    let workspace = workspace(PENDULUM);
+    let said = workspace.expect(0, "modes it.ron -n 20");
     assert!(said.contains("not in equilibrium"), "{said}");
     assert!(said.contains("3 of 3 modes"), "{said}");
-    let text = desk.read("it/modes.csv");
+    let text = workspace.read("it/modes.csv");
     let mut lines = text.lines();
     assert_eq!(lines.next(), Some("mode,frequency"));
     let frequencies: Vec<f64> = lines
@@ -155,16 +161,16 @@ fn modes_are_those_of_a_pendulum() {
     for (frequency, expected) in frequencies.iter().zip(expected) {
         assert!((frequency / expected - 1.0).abs() < 1e-9);
     }
-    let shapes = desk.read("it/shapes.csv");
+    let shapes = workspace.read("it/shapes.csv");
     assert_eq!(shapes.lines().next(), Some("mode,node,x,y,z,ux,uy,uz"));
     assert_eq!(shapes.lines().count(), 1 + 3 * 2);
-    let report = desk.report("it");
+    let report = workspace.report("it");
     assert_eq!(report["status"], "stable");
     assert_eq!(
         (&report["modes"], &report["all_modes"]),
         (&3.into(), &3.into())
     );
-    let said = desk.expect(0, "modes it/final.ron -n 1 --out again");
+    let said = workspace.expect(0, "modes it/final.ron -n 1 --out again");
     assert!(said.contains("modes are about it as it is"), "{said}");
 }
 
@@ -181,13 +187,13 @@ const TRUSS: &str = "Scene(
 
 #[test]
 fn a_path_is_followed_past_its_limit() {
-    let desk = desk(TRUSS);
-    let said = desk.expect(0, "settle it.ron --path 300");
+    let workspace = workspace(TRUSS);
+    let said = workspace.expect(0, "settle it.ron --path 300");
     assert!(
         said.contains("limit points at load factors 0.8292, -0.8292"),
         "{said}"
     );
-    let path = desk.read("it/path.csv");
+    let path = workspace.read("it/path.csv");
     let mut lines = path.lines();
     assert_eq!(
         lines.next(),
@@ -197,12 +203,12 @@ fn a_path_is_followed_past_its_limit() {
     let factor: f64 = limit.split(',').next().unwrap().parse().unwrap();
     assert!((1.2 * factor - 0.994992).abs() < 1e-6);
     assert!(path.lines().last().unwrap().starts_with("1.0,"));
-    assert_eq!(desk.report("it")["path"]["end"], "whole load");
+    assert_eq!(workspace.report("it")["path"]["end"], "whole load");
 
-    let said = desk.expect(3, "settle it.ron --path 5 --out short");
+    let said = workspace.expect(3, "settle it.ron --path 5 --out short");
     assert!(said.contains("came to load factor"), "{said}");
-    assert_eq!(desk.names("short"), ["path.csv", "report.json"]);
-    let report = desk.report("short");
+    assert_eq!(workspace.names("short"), ["path.csv", "report.json"]);
+    let report = workspace.report("short");
     assert_eq!(
         (&report["status"], &report["path"]["end"]),
         (&"failed".into(), &"most points".into())
@@ -214,23 +220,26 @@ fn what_is_unstable_or_loose_is_said() {
     let standing = PENDULUM
         .replace("position: (1, 0, 0)", "position: (0, 0, 0.98)")
         .replace("stiffness: 1000", "stiffness: 1000, rest_length: 1");
-    let desk = desk(&standing);
-    let said = desk.expect(0, "settle it.ron");
+    let workspace = workspace(&standing);
+    let said = workspace.expect(0, "settle it.ron");
     assert!(
         said.contains("unstable equilibrium (2 negative pivots, most at node 1)"),
         "{said}"
     );
-    assert_eq!(desk.report("it")["status"], "unstable");
-    assert_eq!(desk.report("it")["loose_nodes"], serde_json::json!([1]));
+    assert_eq!(workspace.report("it")["status"], "unstable");
+    assert_eq!(
+        workspace.report("it")["loose_nodes"],
+        serde_json::json!([1])
+    );
 
     let loose = PENDULUM.replace("gravity: (0, 0, -10)", "gravity: (0, 0, 0)");
-    std::fs::write(desk.path("loose.ron"), loose).unwrap();
-    let said = desk.expect(0, "settle loose.ron");
+    std::fs::write(workspace.path("loose.ron"), loose).unwrap();
+    let said = workspace.expect(0, "settle loose.ron");
     assert!(
         said.contains("mechanism (2 motions that nothing resists"),
         "{said}"
     );
-    let report = desk.report("loose");
+    let report = workspace.report("loose");
     assert_eq!(
         (&report["status"], &report["zero_pivots"]),
         (&"mechanism".into(), &2.into())
@@ -240,24 +249,24 @@ fn what_is_unstable_or_loose_is_said() {
 #[test]
 fn each_failure_has_its_message() {
     let falling = PENDULUM.replace("fixed: true", "mass: 1");
-    let desk = desk(&falling);
-    let said = desk.expect(3, "settle it.ron");
+    let workspace = workspace(&falling);
+    let said = workspace.expect(3, "settle it.ron");
     assert!(said.contains("is carried off, nothing holds it"), "{said}");
     assert!(said.contains("fix a node"), "{said}");
-    assert_eq!(desk.names("it"), ["report.json"]);
-    let report = desk.report("it");
+    assert_eq!(workspace.names("it"), ["report.json"]);
+    let report = workspace.report("it");
     assert_eq!(report["status"], "failed");
     assert!(report["failure"]["reason"].is_string());
-    let said = desk.expect(3, "run it.ron --out run");
+    let said = workspace.expect(3, "run it.ron --out run");
     assert!(said.contains("is carried off"), "{said}");
-    assert!(!desk.path("run").exists());
-    desk.expect(3, "modes it.ron --out modes");
+    assert!(!workspace.path("run").exists());
+    workspace.expect(3, "modes it.ron --out modes");
 
     let two = |code: i32, scene: &str, arguments: &str, expected: &str| {
-        std::fs::write(desk.path("two.ron"), scene).unwrap();
-        let said = desk.expect(code, arguments);
+        std::fs::write(workspace.path("two.ron"), scene).unwrap();
+        let said = workspace.expect(code, arguments);
         assert!(said.contains(expected), "{said}");
-        assert!(!desk.path("two").exists(), "nothing may be written");
+        assert!(!workspace.path("two").exists(), "nothing may be written");
     };
     let no_loads = "there are no loads that a path could follow";
     two(2, PENDULUM, "settle two.ron --path 10", no_loads);

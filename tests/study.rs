@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::desk::Desk;
+use common::workspace::Workspace;
 use springs::assembly::compile;
 use springs::scene::generate::{Material, chain, cloth, disturb};
 use springs::scene::{Method, Node, RunOptions, Scene, Vector3};
@@ -252,14 +252,14 @@ fn a_scene_that_cannot_be_solved_is_told_apart_from_a_short_budget() {
     assert!(matches!(error, StudyError::NoRun), "{error}");
 }
 
-fn desk_with(scene: &Scene) -> Desk {
-    let desk = Desk::new();
+fn workspace_with(scene: &Scene) -> Workspace {
+    let workspace = Workspace::new();
     std::fs::write(
-        desk.path("rope.ron"),
+        workspace.path("rope.ron"),
         springs::io::scene_to_string(scene, &RunOptions::default()),
     )
     .unwrap();
-    desk
+    workspace
 }
 
 fn error_of(output: &Output) -> String {
@@ -270,9 +270,9 @@ fn error_of(output: &Output) -> String {
 fn the_command_writes_its_files() {
     let mut named = scene();
     named.name = "\u{1b}]0;title\u{7}rope".to_owned();
-    let desk = desk_with(&named);
+    let workspace = workspace_with(&named);
     let arguments = "study rope.ron --budget 1 --methods auto,dop853";
-    let output = desk.springs(arguments);
+    let output = workspace.springs(arguments);
     let (said, told) = (utf8(&output.stdout), error_of(&output));
     assert!(output.status.success(), "{told}");
     for part in [
@@ -286,11 +286,11 @@ fn the_command_writes_its_files() {
     }
     assert!(told.starts_with("wrote study.csv"), "{told}");
     let files = ["reference.csv", "study.csv", "study.json", "study.svg"];
-    assert_eq!(desk.names("rope"), files);
-    let picture = desk.read("rope/study.svg");
+    assert_eq!(workspace.names("rope"), files);
+    let picture = workspace.read("rope/study.svg");
     assert!(!picture.contains('\u{1b}'), "raw control characters");
-    desk.expect(2, arguments);
-    let output = desk.springs(&format!("{arguments} --force --quiet"));
+    workspace.expect(2, arguments);
+    let output = workspace.springs(&format!("{arguments} --force --quiet"));
     assert!(output.status.success() && output.stdout.is_empty());
 }
 
@@ -302,7 +302,7 @@ fn utf8(bytes: &[u8]) -> String {
 fn wrong_arguments_are_told() {
     let mut damped = scene();
     damped.springs[0].damping = 0.1;
-    let desk = desk_with(&damped);
+    let workspace = workspace_with(&damped);
     for (arguments, expected) in [
         ("--methods rodas4", "no method that was asked for"),
         (
@@ -317,21 +317,21 @@ fn wrong_arguments_are_told() {
         ("--duration 0 --stability", "the duration is 0 s"),
         ("--stability --budget 1e-9", "no run was finished within"),
     ] {
-        let told = desk.expect(2, &format!("study rope.ron {arguments}"));
+        let told = workspace.expect(2, &format!("study rope.ron {arguments}"));
         assert!(told.contains(expected), "{arguments}: {told}");
     }
-    assert!(desk.names("rope").is_empty(), "nothing is written");
-    let help = utf8(&desk.springs("study --help").stdout);
+    assert!(workspace.names("rope").is_empty(), "nothing is written");
+    let help = utf8(&workspace.springs("study --help").stdout);
     for method in Method::ALL {
         assert!(help.contains(method.kebab_name()), "{method}: {help}");
     }
 }
 
 /// Largest distance of a node of `final.ron` from the reference of a study.
-fn error_after(desk: &Desk, run: &str, study: &str) -> f64 {
-    let text = desk.read(&format!("{run}/final.ron"));
+fn error_after(workspace: &Workspace, run: &str, study: &str) -> f64 {
+    let text = workspace.read(&format!("{run}/final.ron"));
     let last = springs::io::parse_scene("final.ron", &text).unwrap().0;
-    let table = desk.read(&format!("{study}/reference.csv"));
+    let table = workspace.read(&format!("{study}/reference.csv"));
     let mut rows = csv_rows(&table);
     let distances = last.nodes.iter().map(|node| {
         let row = rows.next().unwrap();
@@ -347,10 +347,10 @@ fn csv_rows(table: &str) -> impl Iterator<Item = Vec<f64>> {
 
 /// Types every recommended command in, and holds its error against the one told.
 fn commands_do_what_is_told(scene: &Scene, budget: &str) {
-    let desk = desk_with(scene);
-    let output = desk.springs(&format!("study rope.ron --budget {budget} --repeats 1"));
+    let workspace = workspace_with(scene);
+    let output = workspace.springs(&format!("study rope.ron --budget {budget} --repeats 1"));
     assert!(output.status.success(), "{}", error_of(&output));
-    let text = desk.read("rope/study.json");
+    let text = workspace.read("rope/study.json");
     let study: serde_json::Value = serde_json::from_str(&text).unwrap();
     let floor = study["reference"]["uncertainty"].as_f64().unwrap();
     let advice = study["advice"].as_array().unwrap();
@@ -358,10 +358,10 @@ fn commands_do_what_is_told(scene: &Scene, budget: &str) {
     for advice in advice {
         let command = advice["command"].as_str().unwrap();
         let arguments = command.strip_prefix("springs ").unwrap();
-        let output = desk.springs(&format!("{arguments} --out o --force"));
+        let output = workspace.springs(&format!("{arguments} --out o --force"));
         assert!(output.status.success(), "{command}: {}", error_of(&output));
         let told = advice["error"].as_f64().unwrap();
-        let error = error_after(&desk, "o", "rope").max(floor);
+        let error = error_after(&workspace, "o", "rope").max(floor);
         assert!(
             (error / told - 1.0).abs() < 1e-3,
             "{command}: {error:e}, not {told:e}"

@@ -2,8 +2,8 @@
 
 mod common;
 
-use common::desk::Desk;
 use common::tangle;
+use common::workspace::Workspace;
 use flate2::read::DeflateDecoder;
 use serde_json::Value;
 use springs::io::write_scene;
@@ -107,18 +107,21 @@ fn assert_near(found: &[f64], expected: &[f64], error: f64, what: &str) {
 /// Runs a scene and compares its page with the tables; whether strains have an array of
 /// their own.
 fn check(scene: &Scene) -> bool {
-    let desk = Desk::new();
-    write_scene(&desk.path("net.ron"), scene, &RunOptions::default()).unwrap();
-    let said = desk.expect(
+    let workspace = Workspace::new();
+    write_scene(&workspace.path("net.ron"), scene, &RunOptions::default()).unwrap();
+    let said = workspace.expect(
         0,
         "run net.ron --out d --frames 30 --write csv,springs --view",
     );
     assert!(said.contains("open d/view.html in a browser"), "{said}");
-    let page = desk.read("d/view.html");
+    let page = workspace.read("d/view.html");
     let run: Value = serde_json::from_str(text(&page, "run")).unwrap();
     let arrays = &run["arrays"];
     let error = |value: &Value| value.as_f64().unwrap();
-    let (nodes, springs) = (desk.read("d/trajectory.csv"), desk.read("d/springs.csv"));
+    let (nodes, springs) = (
+        workspace.read("d/trajectory.csv"),
+        workspace.read("d/springs.csv"),
+    );
     let times: Vec<f64> = columns(&nodes, 0..1)
         .into_iter()
         .step_by(scene.nodes.len())
@@ -197,7 +200,7 @@ fn check(scene: &Scene) -> bool {
         assert_eq!(bit == 1, *tension == 0.0, "{frame}, {spring}");
     }
 
-    let energy = desk.read("d/energy.csv");
+    let energy = workspace.read("d/energy.csv");
     let names: Vec<&str> = energy.lines().next().unwrap().split(',').skip(1).collect();
     assert_eq!(run["energies"]["names"], serde_json::json!(names));
     for (column, values) in run["energies"]["columns"]
@@ -211,13 +214,13 @@ fn check(scene: &Scene) -> bool {
     }
 
     // The same page again.
-    std::fs::remove_file(desk.path("d/view.html")).unwrap();
-    desk.expect(0, "view d");
-    assert_eq!(desk.read("d/view.html"), page);
+    std::fs::remove_file(workspace.path("d/view.html")).unwrap();
+    workspace.expect(0, "view d");
+    assert_eq!(workspace.read("d/view.html"), page);
     // And from the tables, whose numbers are the same.
-    std::fs::remove_file(desk.path("d/trajectory.npz")).unwrap();
-    desk.expect(0, "view d --quiet");
-    assert!(desk.read("d/view.html") == page);
+    std::fs::remove_file(workspace.path("d/trajectory.npz")).unwrap();
+    workspace.expect(0, "view d --quiet");
+    assert!(workspace.read("d/view.html") == page);
     has_strain
 }
 
@@ -249,16 +252,16 @@ fn the_page_holds_the_run_as_exactly_as_it_says() {
 
 #[test]
 fn without_frames_it_says_what_to_run() {
-    let desk = Desk::new();
-    write_scene(&desk.path("net.ron"), &scene(), &RunOptions::default()).unwrap();
-    let said = desk.expect(2, "view .");
+    let workspace = Workspace::new();
+    write_scene(&workspace.path("net.ron"), &scene(), &RunOptions::default()).unwrap();
+    let said = workspace.expect(2, "view .");
     assert!(said.contains("holds no run: it has no final.ron"), "{said}");
     assert!(
         said.contains("springs run SCENE.ron --out DIR --view"),
         "{said}"
     );
-    desk.expect(0, "run net.ron --out d");
-    let said = desk.expect(2, "view d");
+    workspace.expect(0, "run net.ron --out d");
+    let said = workspace.expect(2, "view d");
     assert!(
         said.contains("d has neither trajectory.npz nor trajectory.csv with springs.csv to show"),
         "{said}"
@@ -267,13 +270,13 @@ fn without_frames_it_says_what_to_run() {
         said.contains("springs run SCENE.ron --out DIR --view"),
         "{said}"
     );
-    std::fs::write(desk.path("d/trajectory.npz"), "no archive").unwrap();
-    let said = desk.expect(2, "view d");
+    std::fs::write(workspace.path("d/trajectory.npz"), "no archive").unwrap();
+    let said = workspace.expect(2, "view d");
     assert!(
         said.contains("is not as the output `npz` of a run leaves it"),
         "{said}"
     );
-    assert!(!desk.path("d/view.html").exists());
+    assert!(!workspace.path("d/view.html").exists());
 }
 
 /// `SPRINGS_CHROMIUM=chromium cargo test --test view -- --ignored`, with node.
@@ -282,14 +285,14 @@ fn without_frames_it_says_what_to_run() {
 fn a_browser_shows_what_is_picked() {
     let chromium = std::env::var("SPRINGS_CHROMIUM").unwrap_or_else(|_| "chromium".to_owned());
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/foreign/look.mjs");
-    let desk = Desk::new();
-    write_scene(&desk.path("net.ron"), &scene(), &RunOptions::default()).unwrap();
-    desk.expect(0, "run net.ron --out d --frames 30 --write csv --view");
+    let workspace = Workspace::new();
+    write_scene(&workspace.path("net.ron"), &scene(), &RunOptions::default()).unwrap();
+    workspace.expect(0, "run net.ron --out d --frames 30 --write csv --view");
     for (width, height) in [("390", "844"), ("1280", "800")] {
         let output = Command::new("node")
             .arg(&script)
             .arg(&chromium)
-            .arg(desk.path("d/view.html"))
+            .arg(workspace.path("d/view.html"))
             .args([width, height])
             .output()
             .unwrap();
@@ -311,7 +314,7 @@ fn a_browser_shows_what_is_picked() {
         assert_eq!(seen["pickedSpring"]["kind"], "spring");
         assert!(seen["plots"].as_u64().unwrap() >= 3);
         // What is said of the picked node is in the table.
-        let table = desk.read("d/trajectory.csv");
+        let table = workspace.read("d/trajectory.csv");
         let time = seen["numbers"]["time"].as_f64().unwrap();
         let start = format!("{time:?},{},", seen["node"]);
         let row = table.lines().find(|line| line.starts_with(&start)).unwrap();

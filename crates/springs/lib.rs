@@ -42,3 +42,9 @@ pub use springs_scene as scene;
 pub use springs_solver as solver;
 pub use springs_statics as statics;
 pub use springs_step as step;
+
+/// The programs in the README and the guide run as they are.
+#[cfg(doctest)]
+#[doc = include_str!("../../README.md")]
+#[doc = include_str!("../../docs/guide/src/library.md")]
+mod guide {}

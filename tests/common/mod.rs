@@ -3,8 +3,8 @@
 // Every test binary takes what it needs.
 #![allow(dead_code, unused_imports, unreachable_pub)]
 
-pub mod desk;
 #[path = "../../crates/springs-step/tests/common/mod.rs"]
 mod scenes;
+pub mod workspace;
 
 pub use scenes::*;

@@ -23,12 +23,12 @@ pub fn all_files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
 }
 
 /// A folder of its own and the program in it.
-pub struct Desk(tempfile::TempDir);
+pub struct Workspace(tempfile::TempDir);
 
 /// Whoever waits longer waits for nothing.
 const PATIENCE: Duration = Duration::from_secs(120);
 
-impl Desk {
+impl Workspace {
     pub fn new() -> Self {
         Self(tempfile::tempdir().unwrap())
     }
