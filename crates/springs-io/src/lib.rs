@@ -28,6 +28,7 @@ mod checkpoint;
 mod energies;
 mod frames;
 mod growing;
+mod law_file;
 mod locate;
 mod members;
 mod motions;

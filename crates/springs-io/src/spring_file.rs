@@ -1,8 +1,9 @@
-//! Springs, materials and laws of the scene file, field by field.
+//! Springs and materials of the scene file, field by field.
 
-use crate::scene_file::{List, NodeIndex, Real, Tuple};
+use crate::law_file::LawEntry;
+use crate::scene_file::{NodeIndex, Real, Tuple};
 use serde::Deserialize;
-use springs_scene::{BreakLimit, SpringLaw};
+use springs_scene::BreakLimit;
 
 /// A spring. What most scenes do without is apart, so that they pay nothing for it.
 #[derive(Deserialize)]
@@ -141,85 +142,5 @@ impl LimitEntry {
             Self::Strain(Real(strain)) => BreakLimit::Strain(strain),
             Self::Force(Real(force)) => BreakLimit::Force(force),
         }
-    }
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields, rename = "Law")]
-pub(crate) enum LawEntry {
-    Linear,
-    TensionOnly {
-        blend: Option<Real>,
-    },
-    CompressionOnly {
-        blend: Option<Real>,
-    },
-    Bilinear {
-        compression: Real,
-        blend: Option<Real>,
-    },
-    Polynomial(List<Real>),
-    Table(List<Tuple<2, Real>>),
-    Limit {
-        strain: Real,
-        stiffness: Real,
-        blend: Option<Real>,
-    },
-    Power {
-        exponent: Real,
-    },
-    Plastic {
-        yields_at: Real,
-        hardening: Option<Real>,
-    },
-}
-
-impl LawEntry {
-    /// `None` for the linear one.
-    pub(crate) fn law(&self) -> Option<SpringLaw> {
-        let blend = |given: &Option<Real>| given.map_or(SpringLaw::BLEND, |real| real.0);
-        Some(match self {
-            Self::Linear => return None,
-            Self::TensionOnly { blend: given } => SpringLaw::TensionOnly {
-                blend: blend(given),
-            },
-            Self::CompressionOnly { blend: given } => SpringLaw::CompressionOnly {
-                blend: blend(given),
-            },
-            Self::Bilinear {
-                compression,
-                blend: given,
-            } => SpringLaw::Bilinear {
-                compression: compression.0,
-                blend: blend(given),
-            },
-            Self::Limit {
-                strain,
-                stiffness,
-                blend: given,
-            } => SpringLaw::Limit {
-                strain: strain.0,
-                stiffness: stiffness.0,
-                blend: blend(given),
-            },
-            Self::Plastic {
-                yields_at,
-                hardening,
-            } => SpringLaw::Plastic {
-                yields_at: yields_at.0,
-                hardening: hardening.map_or(0.0, |real| real.0),
-            },
-            Self::Power { exponent } => SpringLaw::Power {
-                exponent: exponent.0,
-            },
-            Self::Polynomial(coefficients) => {
-                let coefficients = coefficients.0.iter();
-                SpringLaw::Polynomial(coefficients.map(|real| real.0).collect())
-            }
-            Self::Table(points) => {
-                let points = points.0.iter();
-                SpringLaw::Table(points.map(|point| point.0.map(|real| real.0)).collect())
-            }
-        })
     }
 }

@@ -1,9 +1,10 @@
 //! Springs of a scene file: from what engineers know of them, EA, materials,
 //! pretension and damping ratios, to K, l₀, m and c.
 
+use crate::law_file::LawEntry;
 use crate::read::{Findings, find_named};
 use crate::scene_file::Real;
-use crate::spring_file::{LawEntry, LimitEntry, MaterialEntry, More, SpringEntry};
+use crate::spring_file::{LimitEntry, MaterialEntry, More, SpringEntry};
 use springs_scene::{
     AxialStiffness, Node, Path, PretensionError, Scene, Spring, SpringLaw, printable,
     rest_length_under,
@@ -73,7 +74,7 @@ pub(crate) fn springs(
     for (index, (name, material)) in materials.iter().enumerate() {
         reader.resolved.inputs.materials.push(name.clone());
         reader.check(Owner::Material(index), material);
-        let law = material.law.as_ref().and_then(LawEntry::law);
+        let law = material.law.as_ref().and_then(|entry| entry.0.clone());
         let place = Path::Material(index, Some("law"));
         let law = law.map(|law| {
             let text = format!("{law:?}");
@@ -202,7 +203,7 @@ impl SpringReader<'_, '_> {
             );
             self.find(owner.path("breaks_at"), message, None);
         }
-        let law = entry.law.as_ref().and_then(LawEntry::law);
+        let law = entry.law.as_ref().and_then(|entry| entry.0.clone());
         if let (Some(law), Some((field, _))) = (&law, axial_of(entry).into_iter().flatten().next())
             && law.own_axial_stiffness().is_some()
         {
@@ -269,7 +270,7 @@ impl SpringReader<'_, '_> {
         let Some(own) = own else {
             return self.material_laws[material?];
         };
-        let law = own.law()?;
+        let law = own.0.clone()?;
         let text = format!("{law:?}");
         if let Some(&known) = self.known_laws.get(&text) {
             return Some(known);

@@ -169,37 +169,20 @@ fn material(law: usize) -> String {
 }
 
 fn law_text(law: &SpringLaw) -> String {
-    let name = law.name();
-    match law {
-        SpringLaw::TensionOnly { blend } | SpringLaw::CompressionOnly { blend } => {
-            format!("{name}(blend: {})", number(*blend))
-        }
-        SpringLaw::Bilinear { compression, blend } => {
-            let (compression, blend) = (number(*compression), number(*blend));
-            format!("{name}(compression: {compression}, blend: {blend})")
-        }
-        SpringLaw::Limit {
-            strain,
-            stiffness,
-            blend,
-        } => {
-            let [strain, stiffness, blend] = [strain, stiffness, blend].map(|x| number(*x));
-            format!("{name}(strain: {strain}, stiffness: {stiffness}, blend: {blend})")
-        }
-        SpringLaw::Plastic {
-            yields_at,
-            hardening,
-        } => {
-            let (yields_at, hardening) = (number(*yields_at), number(*hardening));
-            format!("{name}(yields_at: {yields_at}, hardening: {hardening})")
-        }
-        SpringLaw::Power { exponent } => format!("{name}(exponent: {})", number(*exponent)),
+    let numbers = match law {
         SpringLaw::Polynomial(coefficients) => {
             let coefficients = coefficients.iter().map(|a| number(*a));
-            format!("{name}([{}])", coefficients.collect::<Vec<_>>().join(", "))
+            format!("[{}]", coefficients.collect::<Vec<_>>().join(", "))
         }
-        SpringLaw::Table(points) => format!("{name}([{}])", pairs(points)),
-    }
+        SpringLaw::Table(points) => format!("[{}]", pairs(points)),
+        _ => {
+            let (form, numbers) = law.numbers().expect("all others have numbers");
+            let fields = form.field_names.iter().zip(numbers);
+            let fields = fields.map(|(name, value)| format!("{name}: {}", number(value)));
+            fields.collect::<Vec<_>>().join(", ")
+        }
+    };
+    format!("{}({numbers})", law.name())
 }
 
 /// `(a, b), (c, d)`.

@@ -60,6 +60,17 @@ impl PyLaw {
         Self::new(SpringLaw::Power { exponent })
     }
 
+    /// Yields at tensions of plus or minus `yields_at`, in N, with the stiffness `hardening`,
+    /// in N/m, from there on, and keeps what it has yielded by.
+    #[staticmethod]
+    #[pyo3(signature = (yields_at, hardening=0.0))]
+    fn plastic(yields_at: f64, hardening: f64) -> PyResult<Self> {
+        Self::new(SpringLaw::Plastic {
+            yields_at,
+            hardening,
+        })
+    }
+
     /// a1 e + a2 e**2 + ... in N, of the strain e; `coefficients` (m,).
     #[staticmethod]
     fn polynomial(coefficients: &Bound<'_, PyAny>) -> PyResult<Self> {

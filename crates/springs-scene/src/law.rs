@@ -1,57 +1,196 @@
 //! Laws of springs beside the linear one, as data.
+//!
+//! A law is a row of the table below; names, numbers and what they may be serve scene
+//! files, faults and scaling alike. `springs_math::law` has the formulas.
 
 use std::fmt;
 use std::sync::Arc;
 
-/// How the tension of a spring depends on its length, if not linearly. K and l₀ are
-/// those of the spring, ε = l/l₀ − 1; `springs_math::law` has the formulas.
-#[derive(Clone, Debug, PartialEq)]
-pub enum SpringLaw {
+/// What a number of a law is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Quantity {
+    /// A stiffness in N/m; not negative.
+    Stiffness,
+    /// A tension in N; not negative.
+    Tension,
+    /// A strain; not negative.
+    Strain,
+    /// A strain, up to 1, within which one stiffness becomes another.
+    Blend,
+    /// At least 1.
+    Exponent,
+}
+
+/// A number of a law.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct LawField {
+    /// Its name in scene files.
+    pub name: &'static str,
+    /// What it is.
+    pub quantity: Quantity,
+    /// What it is if left out; if it must not be, `None`.
+    pub default: Option<f64>,
+}
+
+/// A law that is made of numbers with names.
+#[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
+pub struct LawForm {
+    /// Its name in scene files.
+    pub name: &'static str,
+    /// Its numbers.
+    pub fields: &'static [LawField],
+    /// The names of these.
+    pub field_names: &'static [&'static str],
+    make: fn(&[f64]) -> SpringLaw,
+}
+
+impl LawForm {
+    /// The law with so many numbers as there are [fields](Self::fields), in their order.
+    ///
+    /// # Panics
+    ///
+    /// If there are not as many.
+    pub fn law(&self, numbers: &[f64]) -> SpringLaw {
+        assert_eq!(numbers.len(), self.fields.len(), "numbers of {}", self.name);
+        (self.make)(numbers)
+    }
+}
+
+/// One row a law: what it does, its numbers, and whether it is a law in strain, so that
+/// l₀ must not be zero.
+macro_rules! laws {
+    ($(
+        $(#[$doc:meta])*
+        $law:ident($is_in_strain:ident) {
+            $($(#[$field_doc:meta])* $field:ident: $quantity:ident $(= $default:expr)?,)+
+        }
+    )+) => {
+        /// How the tension of a spring depends on its length, if not linearly. K and l₀ are
+        /// those of the spring, ε = l/l₀ − 1; `springs_math::law` has the formulas.
+        #[derive(Clone, Debug, PartialEq)]
+        pub enum SpringLaw {
+            $(
+                $(#[$doc])*
+                $law { $($(#[$field_doc])* $field: f64,)+ },
+            )+
+            /// T = a₁ε + a₂ε² + …, in N; K is a₁/l₀.
+            Polynomial(Arc<[f64]>),
+            /// A smooth curve through points (ε, T in N), in the order of ε, that rises and
+            /// falls where they do; K is the slope of the line through the two points around
+            /// ε = 0.
+            Table(Arc<[[f64; 2]]>),
+        }
+
+        impl SpringLaw {
+            /// All laws that are made of numbers with names.
+            pub const FORMS: &'static [LawForm] = &[$(
+                LawForm {
+                    name: stringify!($law),
+                    fields: &[$(
+                        LawField {
+                            name: stringify!($field),
+                            quantity: Quantity::$quantity,
+                            default: default!($($default)?),
+                        },
+                    )+],
+                    field_names: &[$(stringify!($field),)+],
+                    make: |numbers| {
+                        let mut numbers = numbers.iter().copied();
+                        let mut next = || numbers.next().expect("a number for each field");
+                        SpringLaw::$law { $($field: next(),)+ }
+                    },
+                },
+            )+];
+
+            /// Its form and its numbers, if it is made of numbers with names.
+            pub fn numbers(&self) -> Option<(&'static LawForm, Vec<f64>)> {
+                let (name, numbers) = match self {
+                    $(Self::$law { $($field,)+ } => (stringify!($law), vec![$(*$field,)+]),)+
+                    Self::Polynomial(_) | Self::Table(_) => return None,
+                };
+                let form = Self::FORMS.iter().find(|form| form.name == name);
+                form.map(|form| (form, numbers))
+            }
+
+            /// Its name in scene files.
+            pub fn name(&self) -> &'static str {
+                match self {
+                    $(Self::$law { .. } => stringify!($law),)+
+                    Self::Polynomial(_) => Self::POLYNOMIAL,
+                    Self::Table(_) => Self::TABLE,
+                }
+            }
+
+            /// Whether it is a law in strain, so that l₀ must not be zero.
+            pub fn needs_rest_length(&self) -> bool {
+                match self {
+                    $(Self::$law { .. } => laws!(@$is_in_strain),)+
+                    Self::Polynomial(_) | Self::Table(_) => true,
+                }
+            }
+        }
+    };
+    (@in_strain) => { true };
+    (@in_length) => { false };
+}
+
+macro_rules! default {
+    () => {
+        None
+    };
+    ($default:expr) => {
+        Some($default)
+    };
+}
+
+laws! {
     /// Pulls with K(l − l₀), and does not push.
-    TensionOnly {
+    TensionOnly(in_length) {
         /// The strain above l₀ within which K sets in.
-        blend: f64,
-    },
+        blend: Blend = SpringLaw::BLEND,
+    }
+
     /// Pushes with K(l₀ − l), and does not pull.
-    CompressionOnly {
+    CompressionOnly(in_length) {
         /// The strain below l₀ within which K sets in.
-        blend: f64,
-    },
+        blend: Blend = SpringLaw::BLEND,
+    }
+
     /// K where stretched, another stiffness where compressed.
-    Bilinear {
+    Bilinear(in_length) {
         /// The stiffness where compressed, in N/m.
-        compression: f64,
+        compression: Stiffness,
         /// The strain, on the stiffer side, within which one becomes the other.
-        blend: f64,
-    },
+        blend: Blend = SpringLaw::BLEND,
+    }
+
     /// K up to a strain of ±`strain`, and K + `stiffness` beyond.
-    Limit {
+    Limit(in_strain) {
         /// A strain.
-        strain: f64,
+        strain: Strain,
         /// In N/m.
-        stiffness: f64,
+        stiffness: Stiffness,
         /// The strain within which it sets in.
-        blend: f64,
-    },
+        blend: Blend = SpringLaw::BLEND,
+    }
+
     /// T = K l₀ sign(ε)|ε|ᵖ.
-    Power {
+    Power(in_strain) {
         /// p, at least 1.
-        exponent: f64,
-    },
-    /// T = a₁ε + a₂ε² + …, in N; K is a₁/l₀.
-    Polynomial(Arc<[f64]>),
-    /// A smooth curve through points (ε, T in N), in the order of ε, that rises and
-    /// falls where they do; K is the slope of the line through the two points around
-    /// ε = 0.
-    Table(Arc<[[f64; 2]]>),
+        exponent: Exponent,
+    }
+
     /// K up to a tension of ±`yields_at`; from there on it yields, and keeps a part of its
     /// change of length for good (kinematic hardening).
-    Plastic {
+    Plastic(in_length) {
         /// In N.
-        yields_at: f64,
+        yields_at: Tension,
         /// The stiffness while it yields, in N/m; below K.
-        hardening: f64,
-    },
+        hardening: Stiffness = 0.0,
+    }
 }
 
 /// What is wrong with a law.
@@ -59,32 +198,42 @@ pub enum SpringLaw {
 #[non_exhaustive]
 pub enum LawFault {
     /// A number is infinite or not a number.
-    #[error("{what} must be a finite number, but is {value}")]
+    #[error("the {number} of `{law}` must be a finite number, but is {value}")]
     NotFinite {
+        /// The law.
+        law: &'static str,
         /// Which number.
-        what: &'static str,
+        number: &'static str,
         /// The number.
         value: f64,
     },
     /// A number must not be negative.
-    #[error("{what} must not be negative, but is {value}")]
+    #[error("the {number} of `{law}` must not be negative, but is {value}")]
     Negative {
+        /// The law.
+        law: &'static str,
         /// Which number.
-        what: &'static str,
+        number: &'static str,
         /// The number.
         value: f64,
     },
     /// A blend is no small strain.
-    #[error("{what} is a strain and must not be above 1, but is {value}")]
+    #[error("the {number} of `{law}` is a strain and must not be above 1, but is {value}")]
     WideBlend {
+        /// The law.
+        law: &'static str,
         /// Which number.
-        what: &'static str,
+        number: &'static str,
         /// The number.
         value: f64,
     },
     /// The stiffness would be infinite at the rest length.
-    #[error("the exponent of `Power` must be at least 1, but is {value}")]
+    #[error("the {number} of `{law}` must be at least 1, but is {value}")]
     SmallExponent {
+        /// The law.
+        law: &'static str,
+        /// Which number.
+        number: &'static str,
         /// The exponent.
         value: f64,
     },
@@ -137,19 +286,11 @@ impl SpringLaw {
     /// The strain that stiffnesses are blended within where nothing else is said.
     pub const BLEND: f64 = 1e-3;
 
-    /// Its name in scene files.
-    pub fn name(&self) -> &'static str {
-        match self {
-            Self::TensionOnly { .. } => "TensionOnly",
-            Self::CompressionOnly { .. } => "CompressionOnly",
-            Self::Bilinear { .. } => "Bilinear",
-            Self::Limit { .. } => "Limit",
-            Self::Power { .. } => "Power",
-            Self::Polynomial(_) => "Polynomial",
-            Self::Table(_) => "Table",
-            Self::Plastic { .. } => "Plastic",
-        }
-    }
+    /// The name of [`Self::Polynomial`] in scene files.
+    pub const POLYNOMIAL: &'static str = "Polynomial";
+
+    /// The name of [`Self::Table`] in scene files.
+    pub const TABLE: &'static str = "Table";
 
     /// dT/dε at rest, in N, of a law that gives tensions by itself; `None` where K says
     /// it.
@@ -166,44 +307,10 @@ impl SpringLaw {
         }
     }
 
-    /// Whether it is a law in strain, so that l₀ must not be zero.
-    pub fn needs_rest_length(&self) -> bool {
-        match self {
-            Self::TensionOnly { .. }
-            | Self::CompressionOnly { .. }
-            | Self::Bilinear { .. }
-            | Self::Plastic { .. } => false,
-            Self::Limit { .. } | Self::Power { .. } | Self::Polynomial(_) | Self::Table(_) => true,
-        }
-    }
-
     /// The law with tensions `factor` times as large, where its springs have a K as many
     /// times as large.
     pub fn times(&self, factor: f64) -> Self {
         match self {
-            Self::TensionOnly { .. } | Self::CompressionOnly { .. } | Self::Power { .. } => {
-                self.clone()
-            }
-            &Self::Bilinear { compression, blend } => Self::Bilinear {
-                compression: compression * factor,
-                blend,
-            },
-            &Self::Limit {
-                strain,
-                stiffness,
-                blend,
-            } => Self::Limit {
-                strain,
-                stiffness: stiffness * factor,
-                blend,
-            },
-            &Self::Plastic {
-                yields_at,
-                hardening,
-            } => Self::Plastic {
-                yields_at: yields_at * factor,
-                hardening: hardening * factor,
-            },
             Self::Polynomial(coefficients) => {
                 Self::Polynomial(coefficients.iter().map(|a| a * factor).collect())
             }
@@ -211,58 +318,63 @@ impl SpringLaw {
                 let points = points.iter();
                 Self::Table(points.map(|&[e, t]| [e, t * factor]).collect())
             }
+            _ => {
+                let (form, mut numbers) = self.numbers().expect("all others have numbers");
+                for (number, field) in numbers.iter_mut().zip(form.fields) {
+                    if matches!(field.quantity, Quantity::Stiffness | Quantity::Tension) {
+                        *number *= factor;
+                    }
+                }
+                form.law(&numbers)
+            }
         }
     }
 
     /// The first thing that is wrong with it.
     pub fn fault(&self) -> Option<LawFault> {
-        let not_negative = |what, value: f64| {
-            let finite = finite(what, value);
-            finite.or_else(|| (value < 0.0).then_some(LawFault::Negative { what, value }))
-        };
-        let blend = |what, value: f64| {
-            let fault = not_negative(what, value);
-            fault.or_else(|| (value > 1.0).then_some(LawFault::WideBlend { what, value }))
-        };
+        if let Some((form, numbers)) = self.numbers() {
+            let mut numbers = form.fields.iter().zip(numbers);
+            return numbers.find_map(|(field, value)| field.fault(form.name, value));
+        }
         match self {
-            Self::TensionOnly { blend: width } => blend("the blend of `TensionOnly`", *width),
-            Self::CompressionOnly { blend: width } => {
-                blend("the blend of `CompressionOnly`", *width)
-            }
-            Self::Bilinear {
-                compression,
-                blend: width,
-            } => not_negative("the compression of `Bilinear`", *compression)
-                .or_else(|| blend("the blend of `Bilinear`", *width)),
-            Self::Limit {
-                strain,
-                stiffness,
-                blend: width,
-            } => not_negative("the strain of `Limit`", *strain)
-                .or_else(|| not_negative("the stiffness of `Limit`", *stiffness))
-                .or_else(|| blend("the blend of `Limit`", *width)),
-            &Self::Power { exponent: value } => finite("the exponent of `Power`", value)
-                .or_else(|| (value < 1.0).then_some(LawFault::SmallExponent { value })),
-            Self::Polynomial(coefficients) => match coefficients.first() {
-                None => Some(LawFault::NoCoefficients),
-                Some(&first) => not_negative("the first coefficient of `Polynomial`", first)
-                    .or_else(|| {
-                        let mut others = coefficients.iter();
-                        others.find_map(|&a| finite("a coefficient of `Polynomial`", a))
-                    }),
-            },
+            Self::Polynomial(coefficients) => fault_of_polynomial(coefficients),
             Self::Table(points) => fault_of_table(points),
-            Self::Plastic {
-                yields_at,
-                hardening,
-            } => not_negative("the tension at which `Plastic` yields", *yields_at)
-                .or_else(|| not_negative("the hardening of `Plastic`", *hardening)),
+            _ => None,
         }
     }
 }
 
-fn finite(what: &'static str, value: f64) -> Option<LawFault> {
-    (!value.is_finite()).then_some(LawFault::NotFinite { what, value })
+impl LawField {
+    fn fault(&self, law: &'static str, value: f64) -> Option<LawFault> {
+        let number = self.name;
+        if let Some(fault) = finite(law, number, value) {
+            return Some(fault);
+        }
+        match self.quantity {
+            Quantity::Exponent => {
+                (value < 1.0).then_some(LawFault::SmallExponent { law, number, value })
+            }
+            _ if value < 0.0 => Some(LawFault::Negative { law, number, value }),
+            Quantity::Blend if value > 1.0 => Some(LawFault::WideBlend { law, number, value }),
+            _ => None,
+        }
+    }
+}
+
+fn finite(law: &'static str, number: &'static str, value: f64) -> Option<LawFault> {
+    (!value.is_finite()).then_some(LawFault::NotFinite { law, number, value })
+}
+
+fn fault_of_polynomial(coefficients: &[f64]) -> Option<LawFault> {
+    let law = SpringLaw::POLYNOMIAL;
+    let Some(&value) = coefficients.first() else {
+        return Some(LawFault::NoCoefficients);
+    };
+    let number = "first coefficient";
+    let first = finite(law, number, value)
+        .or_else(|| (value < 0.0).then_some(LawFault::Negative { law, number, value }));
+    let mut others = coefficients.iter();
+    first.or_else(|| others.find_map(|&a| finite(law, "coefficients", a)))
 }
 
 fn fault_of_table(points: &[[f64; 2]]) -> Option<LawFault> {
@@ -272,8 +384,8 @@ fn fault_of_table(points: &[[f64; 2]]) -> Option<LawFault> {
         });
     }
     for &[strain, tension] in points {
-        let fault = finite("a strain of `Table`", strain)
-            .or_else(|| finite("a tension of `Table`", tension))
+        let fault = finite(SpringLaw::TABLE, "strains", strain)
+            .or_else(|| finite(SpringLaw::TABLE, "tensions", tension))
             .or_else(|| (strain < -1.0).then_some(LawFault::Shorter { value: strain }));
         if fault.is_some() {
             return fault;

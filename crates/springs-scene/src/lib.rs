@@ -36,7 +36,7 @@ mod settings;
 mod text;
 
 pub use islands::{Island, Partition};
-pub use law::{LawFault, SpringLaw};
+pub use law::{LawFault, LawField, LawForm, Quantity, SpringLaw};
 pub use load::{Load, OverTime};
 pub use nalgebra::Vector3;
 pub use path::Path;

@@ -67,7 +67,7 @@ impl ErrorEstimate {
 /// A one-step method for M dv/dt = f(x, v), dx/dt = v.
 ///
 /// A method owns its workspace and allocates nothing in [`Self::step`] once it
-/// is warm. It may carry hidden state (a tension, an acceleration) from step to
+/// is warm. It may carry something (a tension, an acceleration) from step to
 /// step; [`Self::restart`] tells it that the state was changed from outside.
 pub trait Method: Send {
     /// Order of consistency.
@@ -92,7 +92,7 @@ pub trait Method: Send {
     /// with [`MethodError::Interrupted`].
     fn set_interrupt(&mut self, _interrupt: &Interrupt) {}
 
-    /// Forgets hidden state; the next step starts from positions and
+    /// Forgets what is carried; the next step starts from positions and
     /// velocities alone.
     fn restart(&mut self);
 
@@ -106,7 +106,7 @@ pub trait Method: Send {
     /// where `anchors` has them at its end, and adds what it did to `work`.
     /// `state.time` is the caller's.
     ///
-    /// Hidden state stays as it was until [`Self::accept`], so that the step
+    /// What is carried stays as it was until [`Self::accept`], so that the step
     /// can be made again with another size.
     ///
     /// # Errors

@@ -358,7 +358,7 @@ impl Stepper {
         work.counts.steps += 1;
     }
 
-    /// The attempted step is taken back; hidden state was not touched.
+    /// The attempted step is taken back; what is carried was not touched.
     pub(crate) fn reject(&mut self) {
         self.state.copy_from(&self.before);
     }
