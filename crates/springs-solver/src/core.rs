@@ -10,6 +10,8 @@ use crate::{Counts, Interrupt, Options, Price, SolveError, StrategyState};
 pub(crate) trait Dimension<const N: usize>: Send + Sync {
     fn strategy_state(&mut self) -> &mut StrategyState;
 
+    fn factor_price(&self) -> Price;
+
     fn set_interrupt(&mut self, interrupt: &Interrupt);
 
     fn counts(&self) -> Counts;
@@ -95,6 +97,10 @@ impl<const D: usize, const P: usize, const Q: usize> Core<D, P, Q> {
 
     pub(crate) fn strategy_state(&mut self) -> &mut StrategyState {
         &mut self.chooser.strategy_state
+    }
+
+    pub(crate) fn factor_price(&self) -> Price {
+        self.chooser.factor_price
     }
 
     pub(crate) fn set_interrupt(&mut self, interrupt: &Interrupt) {
@@ -236,6 +242,10 @@ impl<const D: usize, const P: usize, const Q: usize> Iterative<D, P, Q> {
 impl<const N: usize> Dimension<N> for Core<3, 6, N> {
     fn strategy_state(&mut self) -> &mut StrategyState {
         self.strategy_state()
+    }
+
+    fn factor_price(&self) -> Price {
+        self.factor_price()
     }
 
     fn set_interrupt(&mut self, interrupt: &Interrupt) {

@@ -2,7 +2,7 @@
 
 use crate::block::{dot, is_symmetric, place, times};
 use crate::core::{Core, Dimension};
-use crate::{Counts, Interrupt, Options, SolveError, StrategyState};
+use crate::{Counts, Interrupt, Options, Price, SolveError, StrategyState};
 
 /// A solver of matrices in a subspace.
 pub(crate) struct Reduced<const D: usize, const P: usize, const Q: usize> {
@@ -95,6 +95,10 @@ impl<const D: usize, const P: usize, const Q: usize, const N: usize> Dimension<N
 {
     fn strategy_state(&mut self) -> &mut StrategyState {
         self.core.strategy_state()
+    }
+
+    fn factor_price(&self) -> Price {
+        self.core.factor_price()
     }
 
     fn set_interrupt(&mut self, interrupt: &Interrupt) {

@@ -132,6 +132,15 @@ impl Solver {
         }
     }
 
+    /// What a factor of a matrix and a solution with it cost, for each of the directions
+    /// that are solved as one.
+    pub fn factor_price(&self) -> Price {
+        match &self.kind {
+            Kind::Symmetric(solver) => solver.factor_price(),
+            Kind::General(solver, _) => solver.factor_price(),
+        }
+    }
+
     /// Whom to hear while a matrix is taken or a system solved: asked to stop,
     /// that ends soon with [`SolveError::Interrupted`].
     pub fn set_interrupt(&mut self, interrupt: &Interrupt) {

@@ -56,7 +56,7 @@ impl Price {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Chooser {
     asked: Strategy,
-    direct_price: Price,
+    pub(crate) factor_price: Price,
     iteration: f64,
     pub(crate) strategy_state: StrategyState,
 }
@@ -87,7 +87,7 @@ impl Chooser {
             } else {
                 asked
             },
-            direct_price: Price::with_factor(size.entries, size.flops),
+            factor_price: Price::with_factor(size.entries, size.flops),
             iteration,
             strategy_state: StrategyState {
                 next_pause: FIRST_PAUSE,
@@ -107,7 +107,7 @@ impl Chooser {
     }
 
     fn with_factor(&self, solutions: u32) -> f64 {
-        self.direct_price.matrix + f64::from(solutions) * self.direct_price.solution
+        self.factor_price.matrix + f64::from(solutions) * self.factor_price.solution
     }
 
     /// Whether iteration without a factor is ever wanted.
@@ -123,7 +123,7 @@ impl Chooser {
                 iteration: self.iteration,
             }
         } else {
-            self.direct_price
+            self.factor_price
         }
     }
 

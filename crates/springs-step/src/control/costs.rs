@@ -8,8 +8,9 @@ use springs_assembly::System;
 use springs_scene::Method;
 use springs_solver::Price;
 
-/// Factorizations of an attempt with an implicit method, usually.
-const USUAL_FACTORIZATIONS: f64 = 10.0;
+/// Steps with a matrix and a solution that cost as much as an attempt with an implicit
+/// method, usually.
+const USUAL_STEPS: f64 = 4.0;
 
 /// What each operation of a step costs with one thread, in ns, roughly: `Auto`
 /// compares methods by it. Only ratios matter.
@@ -92,7 +93,7 @@ impl CostModel {
     }
 
     pub(super) fn attempt_with_matrix(&self) -> f64 {
-        USUAL_FACTORIZATIONS * self.step_with_matrix()
+        USUAL_STEPS * self.step_with_matrix()
     }
 
     /// A step, made or thrown away, beside what it counts otherwise: copies of the state,

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 use springs_assembly::{OffDiagonal, PACKED};
 use springs_solver::{
-    Counts, Interrupt, Options, SolveError, Solver, Strategy, StrategyState, Subspace,
+    Counts, Interrupt, Options, Price, SolveError, Solver, Strategy, StrategyState, Subspace,
 };
 
 /// A [`Solver`] that takes a matrix only if all of it is positive definite, also
@@ -80,6 +80,11 @@ impl CheckedSolver {
 
     pub(crate) fn strategy_state(&mut self) -> &mut StrategyState {
         self.solver.strategy_state()
+    }
+
+    /// As [`Solver::factor_price`].
+    pub(crate) fn factor_price(&self) -> Price {
+        self.solver.factor_price()
     }
 
     /// What was done so far for solutions.

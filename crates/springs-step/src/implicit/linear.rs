@@ -170,6 +170,31 @@ impl LinearSystem {
         self.setup
     }
 
+    /// How many solutions cost as much as a matrix does, if it gets a factor.
+    pub(crate) fn solutions_per_matrix(&self) -> f64 {
+        let price = self.solver.factor_price();
+        price.matrix / price.solution
+    }
+
+    /// Whether the last matrix has a factor, so that further solutions are cheap.
+    pub(crate) fn has_factor(&mut self) -> bool {
+        !self.solver.strategy_state().is_iterative
+    }
+
+    /// Static forces, in N, to be added to.
+    pub(crate) fn static_forces(
+        &mut self,
+        system: &System,
+        x: &[Vector3<f64>],
+        work: &mut Work,
+    ) -> &mut [Vector3<f64>] {
+        let forces = &mut self.out.forces;
+        timed(&mut work.phases.assembly, || {
+            system.static_forces(x, forces)
+        });
+        forces
+    }
+
     /// What was linearized last.
     pub(crate) fn linearization(&mut self) -> &mut Linearization {
         &mut self.out

@@ -2,6 +2,7 @@
 
 pub(crate) mod checked_solver;
 pub(crate) mod components;
+pub(crate) mod corrections;
 pub(crate) mod linear;
 pub(crate) mod moving_frame;
 pub(crate) mod response;

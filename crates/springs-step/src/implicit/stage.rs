@@ -1,5 +1,6 @@
 //! The implicit stage that all converged methods share, and its Newton solver.
 
+use crate::implicit::corrections::{Chord, Goal, Progress, SLOW};
 use crate::implicit::linear::{Damping, LinearSystem, Linearized, OnDemand, Purpose};
 use crate::implicit::solver_options::Hessian;
 use crate::vectors::{largest, momenta_of, spread};
@@ -16,7 +17,9 @@ use springs_solver::{Interrupt, SolveError};
 /// the solution instead of the false stretch that turning a stiff spring gives.
 /// At convergence T = K(l − l₀), so the answer is that of the plain method.
 /// Negative across stiffness is clamped only when the matrix turns out
-/// indefinite. If that has not converged after a dozen iterations, Newton's
+/// indefinite. A matrix with a factor serves several corrections, and, where
+/// asked for, the stage after (chord iteration), as long as it is cheaper to go
+/// on than to make a new one. If that has not converged after a dozen iterations, Newton's
 /// method on the velocities alone, with the energy of the step as merit
 /// function and Armijo's rule, makes some progress first; and so in turns.
 pub(crate) struct Stage {
@@ -29,6 +32,9 @@ pub(crate) struct Stage {
     frequency_bound: f64,
     /// Of springs with a free end, at the start of the stage, in m.
     largest_coordinate: f64,
+    chord: Chord,
+    /// The first correction of the last stage, in m/s.
+    first: f64,
     /// Momenta with what loads give; only used where there are any.
     momenta: Vec<Vector3<f64>>,
 }
@@ -62,6 +68,9 @@ pub(crate) struct StageProblem<'a> {
     pub(crate) momenta: &'a [Vector3<f64>],
     /// Error of velocities, in m/s, that may be left; `None`: right to rounding.
     pub(crate) accuracy: Option<f64>,
+    /// Whether the matrix of the stage solved last, of the same step and with the same c,
+    /// may serve.
+    pub(crate) goes_on: bool,
 }
 
 /// Forces on massless nodes below this part of the largest are in balance.
@@ -71,7 +80,12 @@ const BALANCED: f64 = 1e-9;
 const NO_TIME: f64 = 1e-8;
 const SHORT_TIME: f64 = 1e-3;
 
+/// Matrices that are tried with filtered tensions, and corrections with any of them.
 const FILTERED_ITERATIONS: usize = 12;
+const FILTERED_CORRECTIONS: usize = 60;
+/// The first correction with a matrix of the stage before is thrown away if it exceeds
+/// the first one there so many times.
+const LARGER: f64 = 2.0;
 const PRIMAL_ITERATIONS: usize = 24;
 /// Rounds of both, if each makes progress; fewer where a shorter step can be
 /// made instead.
@@ -80,8 +94,6 @@ const ROUNDS_OF_ADAPTIVE_STEPS: usize = 2;
 const MOST_HALVINGS: usize = 30;
 /// Relative accuracy that a stage is solved to, if rounding allows.
 const WANTED: f64 = 1e-13;
-/// Corrections may stop shrinking when they are this many times larger.
-const ACCEPTABLE: f64 = 1e3;
 /// Rounding errors of sums of a few numbers, relative to them.
 const ULPS: f64 = 8.0 * f64::EPSILON;
 /// Armijo's constant.
@@ -97,6 +109,8 @@ impl Stage {
             tensions: vec![0.0; system.n_carried()],
             frequency_bound: system.frequency_bound(),
             largest_coordinate: 0.0,
+            chord: Chord::default(),
+            first: f64::INFINITY,
             momenta: Vec::new(),
         })
     }
@@ -155,7 +169,11 @@ impl Stage {
         } else {
             ROUNDS
         };
-        for _ in 0..rounds {
+        for round in 0..rounds {
+            let problem = &StageProblem {
+                goes_on: problem.goes_on && round == 0,
+                ..*problem
+            };
             self.start.x.copy_from_slice(&state.x);
             self.start.v.copy_from_slice(&state.v);
             if self.filtered(system, problem, state, work) {
@@ -190,18 +208,57 @@ impl Stage {
         state: &mut State,
         work: &mut Work,
     ) -> bool {
+        let is_chord_wanted = self.chord.begin();
+        let goes_on = problem.goes_on && is_chord_wanted && self.linear.has_factor();
         let mut last = f64::INFINITY;
-        for _ in 0..FILTERED_ITERATIONS {
-            let direction = self.direction(system, problem, state, Iteration::Filtered, work);
-            if direction.is_err() {
+        let (mut is_new, mut was_new, mut n_matrices) = (!goes_on, false, 0);
+        for _ in 0..FILTERED_CORRECTIONS {
+            let corrected = if !is_new {
+                self.corrected_again(system, problem, state, work)
+            } else if n_matrices < FILTERED_ITERATIONS {
+                n_matrices += 1;
+                let direction = self.direction(system, problem, state, Iteration::Filtered, work);
+                direction.map(|_| ())
+            } else {
                 return false;
+            };
+            if corrected.is_err() {
+                return false;
+            }
+            let size = self.delta_size(system);
+            let is_first = last.is_infinite();
+            let largest = if is_first {
+                LARGER * self.first
+            } else {
+                SLOW * last
+            };
+            if !is_new && (size > largest || size.is_nan()) {
+                // Thrown away: stiff springs that have turned push far aside.
+                is_new = true;
+                self.chord.fail();
+                continue;
             }
             self.predict(system, state, problem.c);
             self.advance(system, state, problem.c, 1.0);
-            let size = self.delta_size(system);
-            if self.is_enough(system, problem, state, size, last) {
+            if is_first {
+                self.first = size;
+            }
+            let progress = Progress {
+                size,
+                last,
+                is_chord: !is_new,
+                is_newton: is_new && was_new,
+            };
+            was_new = is_new;
+            let goal = self.goal(system, problem, state);
+            if progress.is_enough(goal) {
                 return true;
             }
+            // A new matrix is taken to save half of the corrections that are left.
+            let saved = 0.5 * progress.corrections_left(goal);
+            is_new = !is_chord_wanted
+                || !self.linear.has_factor()
+                || saved > self.linear.solutions_per_matrix();
             last = size;
         }
         false
@@ -226,7 +283,13 @@ impl Stage {
             };
             let slope = self.direction(system, problem, state, kind, work)?;
             let size = self.delta_size(system);
-            if self.is_enough(system, problem, state, size, last) {
+            let progress = Progress {
+                size,
+                last,
+                is_chord: false,
+                is_newton: true,
+            };
+            if progress.is_enough(self.goal(system, problem, state)) {
                 self.advance(system, state, c, 1.0);
                 return Ok(Descent::Converged);
             }
@@ -291,12 +354,7 @@ impl Stage {
                 purpose: Purpose::Correction,
             },
             |out, delta| {
-                system.add_damping_forces(&state.x, &state.v, &mut out.forces);
-                let known = problem.momenta.iter().zip(&out.forces);
-                let momenta = system.masses().iter().zip(&state.v);
-                for (((p, f), (m, v)), delta) in known.zip(momenta).zip(&mut *delta) {
-                    *delta = p + f * c - v * *m;
-                }
+                residual(system, problem, state, &mut out.forces, delta);
                 // The forces are not needed any more; they keep the residual.
                 out.forces.copy_from_slice(delta);
             },
@@ -306,6 +364,22 @@ impl Stage {
         let residual = &self.linear.linearization().forces;
         let products = residual.iter().zip(&*delta).map(|(r, d)| r.dot(d));
         Ok(products.sum())
+    }
+
+    /// A correction with the matrix of the last one.
+    fn corrected_again(
+        &mut self,
+        system: &System,
+        problem: &StageProblem<'_>,
+        state: &State,
+        work: &mut Work,
+    ) -> Result<(), MethodError> {
+        work.counts.newton_iterations += 1;
+        work.counts.force_evaluations += 1;
+        let delta = &mut self.delta[..system.n_free()];
+        let forces = self.linear.static_forces(system, &state.x, work);
+        residual(system, problem, state, forces, delta);
+        self.linear.solve(delta, Purpose::Correction, work)
     }
 
     /// Adds a fraction of the correction.
@@ -338,9 +412,11 @@ impl Stage {
         self.linear.setup()
     }
 
-    /// Nothing else is carried from one stage to the next.
+    /// Nothing else is carried from one step to the next.
     pub(crate) fn archive(&mut self, archive: &mut Archive) {
         self.linear.archive(archive);
+        archive.count(&mut self.chord.pause);
+        archive.count(&mut self.chord.last_pause);
     }
 
     /// With the matrix of the last correction: what is left of a disturbance
@@ -401,6 +477,7 @@ impl Stage {
                 time,
                 momenta: &momenta,
                 accuracy: None,
+                goes_on: false,
             };
             self.solve(system, &problem, &mut solved, &mut tensions, work)
                 .map(|()| solved)
@@ -433,30 +510,12 @@ impl Stage {
         largest(&self.delta[..system.n_free()]).1
     }
 
-    /// Whether a correction of this size, after one of size `last`, is the last.
-    fn is_enough(
-        &self,
-        system: &System,
-        problem: &StageProblem<'_>,
-        state: &State,
-        size: f64,
-        last: f64,
-    ) -> bool {
-        let rounding = self.rounding(system, problem, state);
-        let is_at_rounding =
-            size <= rounding || (size <= ACCEPTABLE * rounding && size >= 0.1 * last);
-        // What is left after a correction, if the next ones fall off as this one
-        // did (Hairer and Wanner: Solving Ordinary Differential Equations II,
-        // 1996, IV.8).
-        let contraction = size / last;
-        let left = if last.is_infinite() {
-            size
-        } else if contraction < 1.0 {
-            size * contraction / (1.0 - contraction)
-        } else {
-            f64::INFINITY
-        };
-        is_at_rounding || problem.accuracy.is_some_and(|accuracy| left <= accuracy)
+    /// What is asked of the corrections of a stage that has come to `state`.
+    fn goal(&self, system: &System, problem: &StageProblem<'_>, state: &State) -> Goal {
+        Goal {
+            rounding: self.rounding(system, problem, state),
+            accuracy: problem.accuracy,
+        }
     }
 
     /// The correction, in m/s, from which on the stage is right to rounding:
@@ -491,5 +550,21 @@ impl Stage {
             .for_each(|energy| *energy = energy.abs());
         let size = kinetic + potential.sum() + carried.abs() + heat;
         (merit, 1e-13 * size)
+    }
+}
+
+/// p + c f − M v, in kg·m/s, of static forces, to which those of dashpots are added.
+fn residual(
+    system: &System,
+    problem: &StageProblem<'_>,
+    state: &State,
+    forces: &mut [Vector3<f64>],
+    out: &mut [Vector3<f64>],
+) {
+    system.add_damping_forces(&state.x, &state.v, forces);
+    let known = problem.momenta.iter().zip(forces);
+    let momenta = system.masses().iter().zip(&state.v);
+    for (((p, f), (m, v)), out) in known.zip(momenta).zip(out) {
+        *out = p + *f * problem.c - v * *m;
     }
 }

@@ -82,6 +82,7 @@ impl Method for ImplicitEuler {
             time: interval.end,
             momenta: &self.momenta,
             accuracy: None,
+            goes_on: false,
         };
         self.stage
             .solve(system, &problem, state, &mut self.tensions.end, work)?;

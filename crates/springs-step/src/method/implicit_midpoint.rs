@@ -90,6 +90,7 @@ impl Method for ImplicitMidpoint {
             time: middle,
             momenta: &self.momenta,
             accuracy: None,
+            goes_on: false,
         };
         self.stage
             .solve(system, &problem, state, &mut self.tensions.end, work)?;

@@ -55,6 +55,8 @@ const K: f64 = (-3.0 * GAMMA * GAMMA + 4.0 * GAMMA - 2.0) / (12.0 * (2.0 - GAMMA
 /// (M + τD + τ²S)⁻¹M: a factor (1 + τ²ω²)⁻² in place of min(1, (τω)⁻³). Without
 /// that, a step that has once become short enough for vibrations too small to
 /// matter would stay so.
+///
+/// What the springs leave of the errors is found anew only now and then.
 pub struct TrBdf2 {
     stage: Stage,
     momenta: Vec<Vector3<f64>>,
@@ -71,6 +73,7 @@ pub struct TrBdf2 {
     errors: Vec<Vector3<f64>>,
     moved: Vec<Vector3<f64>>,
     last: LastErrors,
+    response: Response,
     /// √(‖w‖/‖z_v‖), in s: for how long an error of velocities moves positions.
     time_scale: f64,
     impulses: Impulses,
@@ -98,6 +101,81 @@ struct LastErrors {
     /// ‖z_x‖, in m, and ‖z_v‖, in m/s.
     positions: f64,
     velocities: f64,
+    /// Where z_x is largest.
+    block: usize,
+}
+
+/// What the springs leave of the errors of a step, as it was last found by solving:
+/// mostly it is the same for many steps.
+#[derive(Clone, Copy, Default)]
+struct Response {
+    /// Of ‖z_x‖ and ‖z_v‖, as parts.
+    positions: f64,
+    velocities: f64,
+    /// ‖w‖/‖z_v‖, in s².
+    moved: f64,
+    /// The errors at that time.
+    errors: LastErrors,
+    /// Steps until it is found anew, and how many there were the last time.
+    pause: u32,
+    last_pause: u32,
+}
+
+/// Twice as many steps go by whenever it was found to be the same.
+const SHORTEST_PAUSE: u32 = 4;
+const LONGEST_PAUSE: u32 = 32;
+/// It is the same within this factor.
+const SAME: f64 = 1.5;
+/// It is found anew when errors or steps have become larger by these factors.
+const GROWN: f64 = 2.0;
+const LONGER: f64 = 1.5;
+
+impl Response {
+    /// Whether it holds for these errors.
+    fn serves(&self, now: &LastErrors) -> bool {
+        let then = &self.errors;
+        self.pause > 0
+            && now.positions <= GROWN * then.positions
+            && now.velocities <= GROWN * then.velocities
+            && now.step_size <= LONGER * then.step_size
+            && then.step_size <= LONGER * now.step_size
+    }
+
+    /// With a pause that says how well the one before did.
+    fn after(self, before: &Self) -> Self {
+        let is_same = |now: f64, then: f64| now <= SAME * then && then <= SAME * now;
+        let same = is_same(self.positions, before.positions)
+            && is_same(self.velocities, before.velocities)
+            && is_same(self.moved, before.moved);
+        let pause = if same {
+            (2 * before.last_pause).clamp(SHORTEST_PAUSE, LONGEST_PAUSE)
+        } else {
+            SHORTEST_PAUSE
+        };
+        Self {
+            pause,
+            last_pause: pause,
+            ..self
+        }
+    }
+
+    fn archive(&mut self, archive: &mut Archive) {
+        let LastErrors {
+            step_size,
+            left,
+            positions,
+            velocities,
+            ..
+        } = &mut self.errors;
+        for real in [step_size, left, positions, velocities] {
+            archive.real(real);
+        }
+        for real in [&mut self.positions, &mut self.velocities, &mut self.moved] {
+            archive.real(real);
+        }
+        archive.count(&mut self.pause);
+        archive.count(&mut self.last_pause);
+    }
 }
 
 /// τ³/(|K|h²T).
@@ -134,6 +212,7 @@ impl TrBdf2 {
             errors: zeros.clone(),
             moved: zeros.clone(),
             last: LastErrors::default(),
+            response: Response::default(),
             time_scale: 0.0,
             forces: [zeros.clone(), zeros.clone(), zeros],
             is_started: false,
@@ -175,6 +254,8 @@ impl TrBdf2 {
             time,
             momenta: &self.momenta,
             accuracy: self.goal.map(|goal| goal.stage_rate * h / time_scale),
+            // Both stages of a step have the same c.
+            goes_on: force == 2,
         };
         self.stage
             .solve(system, &problem, state, &mut self.tensions.end, work)?;
@@ -183,6 +264,50 @@ impl TrBdf2 {
             *f = (v * *m - p) / c;
         }
         Ok(())
+    }
+
+    /// What the springs leave of the errors of the last step, and where that moves most.
+    fn find_response(
+        &mut self,
+        system: &System,
+        state: &State,
+        work: &mut Work,
+    ) -> Option<(Response, usize)> {
+        let last = self.last;
+        let damping = |time_scale, passes| Damping {
+            carried: Some(&self.tensions.end),
+            time_scale,
+            passes,
+        };
+        let (of_positions, of_velocities) = (&mut self.momenta, &mut self.errors);
+        // w/T².
+        let moved = &mut self.moved;
+        moved.copy_from_slice(of_velocities);
+        let stage = &mut self.stage;
+        if !stage.damp_vibrations(system, state, damping(last.left, 1), [moved], work) {
+            return None;
+        }
+        let (mut positions, mut velocities) = (last.positions, last.velocities);
+        let tau = (SATURATION * K.abs() * last.step_size.powi(2) * last.left).cbrt();
+        if tau * self.frequency_bound > 1.0 {
+            let all = [&mut *of_positions, &mut *moved, &mut *of_velocities].map(|v| &mut v[..]);
+            if !stage.damp_vibrations(system, state, damping(tau, 2), all, work) {
+                return None;
+            }
+            positions = largest(of_positions).1;
+            velocities = largest(of_velocities).1;
+        }
+        let (block, moved) = largest(moved);
+        let part = |left: f64, whole: f64| if whole > 0.0 { left / whole } else { 0.0 };
+        let response = Response {
+            positions: part(positions, last.positions),
+            velocities: part(velocities, last.velocities),
+            moved: part(last.left.powi(2) * moved, last.velocities),
+            errors: last,
+            pause: 0,
+            last_pause: 0,
+        };
+        Some((response, block))
     }
 
     /// z_x, into the momenta, and z_v, into the errors, of the step of size `h`
@@ -254,6 +379,7 @@ impl Method for TrBdf2 {
     fn restart(&mut self) {
         self.tensions.forget();
         self.is_started = false;
+        self.response = Response::default();
     }
 
     fn step(
@@ -320,6 +446,7 @@ impl Method for TrBdf2 {
             left: (goal.duration - interval.start).clamp(h, LONGEST_TIME * h),
             positions,
             velocities: largest(&self.errors).1,
+            block,
         };
         Ok(Some(ErrorEstimate {
             rate: (positions + self.last.left * self.last.velocities) / h,
@@ -328,48 +455,37 @@ impl Method for TrBdf2 {
         }))
     }
 
-    /// With w and τ of the documentation of the type.
+    /// With w and τ of the documentation of the type, as they are or as they were found to
+    /// be last.
     fn second_estimate(
         &mut self,
         system: &System,
         state: &State,
         work: &mut Work,
     ) -> Option<ErrorEstimate> {
+        let mut block = self.last.block;
+        if self.response.serves(&self.last) {
+            self.response.pause -= 1;
+        } else {
+            let (response, largest_at) = self.find_response(system, state, work)?;
+            self.response = response.after(&self.response);
+            block = largest_at;
+        }
         let LastErrors {
             step_size,
-            left,
-            mut positions,
-            mut velocities,
+            positions,
+            velocities,
+            ..
         } = self.last;
-        let damping = |time_scale, passes| Damping {
-            carried: Some(&self.tensions.end),
-            time_scale,
-            passes,
-        };
-        let (of_positions, of_velocities) = (&mut self.momenta, &mut self.errors);
-        // w/T².
-        let moved = &mut self.moved;
-        moved.copy_from_slice(of_velocities);
-        let stage = &mut self.stage;
-        if !stage.damp_vibrations(system, state, damping(left, 1), [moved], work) {
-            return None;
+        let response = &self.response;
+        let velocities_left = response.velocities * velocities;
+        let moved = response.moved * velocities;
+        if velocities_left > 0.0 {
+            self.time_scale = (moved / velocities_left).sqrt();
         }
-        let tau = (SATURATION * K.abs() * step_size.powi(2) * left).cbrt();
-        if tau * self.frequency_bound > 1.0 {
-            let all = [&mut *of_positions, &mut *moved, &mut *of_velocities].map(|v| &mut v[..]);
-            if !stage.damp_vibrations(system, state, damping(tau, 2), all, work) {
-                return None;
-            }
-            positions = largest(of_positions).1;
-            velocities = largest(of_velocities).1;
-        }
-        let (block, moved) = largest(moved);
-        let w = left.powi(2) * moved;
-        if velocities > 0.0 {
-            self.time_scale = (w / velocities).sqrt();
-        }
+        let positions_left = response.positions * positions;
         Some(ErrorEstimate {
-            rate: positions.hypot((velocities * w).sqrt()) / step_size,
+            rate: positions_left.hypot((velocities_left * moved).sqrt()) / step_size,
             exponent: EXPONENT,
             block,
         })
@@ -381,6 +497,7 @@ impl Method for TrBdf2 {
         archive.flag(&mut self.is_started);
         archive.vectors(&mut self.forces[0]);
         archive.real(&mut self.time_scale);
+        self.response.archive(archive);
     }
 
     fn accept(&mut self) {

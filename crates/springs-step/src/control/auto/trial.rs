@@ -9,6 +9,8 @@ use springs_assembly::System;
 /// Attempts that a trial takes at most, and usually.
 const MOST_ATTEMPTS: usize = 4;
 const USUAL_ATTEMPTS: f64 = 2.0;
+/// Sharper estimates are made once in so many steps of a run.
+const SHARE_OF_ESTIMATES: f64 = 0.125;
 /// Implicit methods are not trusted with fewer steps for what is left.
 const FEWEST_STEPS: f64 = 10.0;
 
@@ -131,20 +133,24 @@ impl Auto {
                 .step(system, anchors, interval, &mut self.tried, &mut work)
                 .ok()
                 .flatten();
+            let mut of_estimate = Work::default();
             let estimate = estimate.map(|first| {
                 if controller.is_clear(first) {
                     None
                 } else {
-                    method.second_estimate(system, &self.tried, &mut work)
+                    method.second_estimate(system, &self.tried, &mut of_estimate)
                 }
                 .unwrap_or(first)
             });
             trials.work += work;
+            trials.work += of_estimate;
             trials.step()?;
             // The attempt itself is not counted: nothing stands.
-            let counted = self.costs.of_counts(&work.counts, candidate.evaluation);
-            let cost = counted + self.costs.attempt();
-            total += cost;
+            let [step, of_estimate] = [work, of_estimate]
+                .map(|work| self.costs.of_counts(&work.counts, candidate.evaluation));
+            let step = step + self.costs.attempt();
+            total += step + of_estimate;
+            let cost = step + SHARE_OF_ESTIMATES * of_estimate;
             let suits = match estimate {
                 Some(estimate) => controller.suitable(h, estimate).min(longest),
                 None => 0.1 * h,
