@@ -27,6 +27,7 @@ const PROMISED_FIELDS: [&str; 29] = [
     "/clamped_springs",
     "/simulated_seconds",
     "/seconds/total",
+    "/seconds/reading",
     "/seconds/setup",
     "/seconds/stepping",
     "/seconds/assembly",

@@ -76,7 +76,10 @@ impl TurnedOver {
 pub struct Timings {
     /// Everything, from reading the scene on.
     pub total: Duration,
-    /// Reading, compiling, symbolic factorization.
+    /// Reading the scene or the checkpoint.
+    pub reading: Duration,
+    /// Checking, compiling, symbolic factorization, and settling where the scene starts in
+    /// equilibrium.
     pub setup: Duration,
     /// Trial runs.
     pub trials: Duration,
@@ -157,6 +160,7 @@ pub fn report(
         simulated_seconds: islands.time(),
         seconds: SecondsReport {
             total: timings.total.as_secs_f64(),
+            reading: timings.reading.as_secs_f64(),
             setup: timings.setup.as_secs_f64(),
             trials: timings.trials.as_secs_f64(),
             stepping: timings.stepping.as_secs_f64(),

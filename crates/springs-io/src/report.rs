@@ -144,7 +144,10 @@ pub struct SwitchReport {
 pub struct SecondsReport {
     /// From reading the scene to writing the last file but the report.
     pub total: f64,
-    /// Reading, compiling, symbolic factorization.
+    /// Reading the scene or the checkpoint.
+    pub reading: f64,
+    /// Checking, compiling, symbolic factorization, and settling where the scene starts in
+    /// equilibrium.
     pub setup: f64,
     /// Forces, matrices and solutions of trial runs.
     pub trials: f64,

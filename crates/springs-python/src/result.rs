@@ -74,6 +74,7 @@ impl Run {
         let trials = self.islands.trial_time().saturating_sub(trials_before);
         let timings = Timings {
             total: self.begin.elapsed(),
+            reading: Duration::ZERO,
             setup: self.setup,
             trials,
             stepping: running.elapsed().saturating_sub(trials),

@@ -63,6 +63,7 @@ pub(crate) fn resume(arguments: &ResumeArguments) -> anyhow::Result<Ending> {
         return Err(foreign(&path, &why).into());
     }
     let (scene, mut options) = parse_scene(&path.display().to_string(), &about.scene)?;
+    let reading = begin.elapsed();
     options.skip = about.skip;
     options.threads = arguments.threads.map_or(0, at_most_useful);
     let mut islands = Islands::with_options(&scene, &options)
@@ -84,7 +85,8 @@ pub(crate) fn resume(arguments: &ResumeArguments) -> anyhow::Result<Ending> {
         every: about.every,
         signals,
         begin,
-        setup: begin.elapsed(),
+        reading,
+        setup: begin.elapsed().saturating_sub(reading),
         quiet: arguments.quiet,
         at_the_end: None,
     };

@@ -65,6 +65,7 @@ pub(super) struct Run {
     pub(super) every: Option<Every>,
     pub(super) signals: Signals,
     pub(super) begin: Instant,
+    pub(super) reading: Duration,
     pub(super) setup: Duration,
     /// Time of trial runs that an earlier run made.
     pub(super) trials_before: Duration,
@@ -84,6 +85,7 @@ pub(crate) fn run(arguments: &RunArguments) -> anyhow::Result<Ending> {
     };
     Output::check(&folder, arguments.scene.path(), arguments.force)?;
     let mut source = arguments.scene.load()?;
+    let reading = begin.elapsed();
     match source.start() {
         Ok(Some(equilibrium)) if !arguments.quiet => {
             say(&format!("start: {}", sentence(&equilibrium)));
@@ -115,7 +117,8 @@ pub(crate) fn run(arguments: &RunArguments) -> anyhow::Result<Ending> {
         every: arguments.checkpoint,
         signals,
         begin,
-        setup: begin.elapsed(),
+        reading,
+        setup: begin.elapsed().saturating_sub(reading),
         quiet: arguments.quiet,
         at_the_end: None,
     };
@@ -284,6 +287,7 @@ impl Run {
 
     fn report(&self, watcher: &Watcher, ending: report::Ending) -> Report {
         let timings = Timings {
+            reading: self.reading,
             setup: self.setup,
             trials: self.trial_time(),
             stepping: watcher.stepping,

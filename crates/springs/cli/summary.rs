@@ -163,6 +163,7 @@ fn phases(seconds: &SecondsReport) -> String {
         phases.join(", ")
     };
     let mut parts = vec![list(&[
+        ("reading", seconds.reading),
         ("setup", seconds.setup),
         ("trial runs", seconds.trials),
         ("steps", seconds.stepping),
