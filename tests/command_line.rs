@@ -10,7 +10,7 @@ use std::path::Path;
 use std::process::Stdio;
 
 /// What scripts rely on in report.json.
-const PROMISED_FIELDS: [&str; 29] = [
+const PROMISED_FIELDS: [&str; 30] = [
     "/method",
     "/tangent",
     "/threads",
