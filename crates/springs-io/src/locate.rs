@@ -21,6 +21,12 @@ pub(crate) fn locate(text: &str, path: Path) -> Place {
         Path::Scene(name) => [field(name), None, None],
         Path::Simulation(name) => [field("simulation"), field(name), None],
         Path::Damping(name) => [field("damping"), field(name), None],
+        Path::Output(name) => [field("output"), field(name), None],
+        Path::Probe(index, name) => {
+            let probes = walker.enter(Step::Field("output"));
+            let list = probes.then_some(Step::Field("probes"));
+            [list, Some(Step::Index(index)), name.map(Step::Field)]
+        }
         Path::Node(index, name) => [
             field("nodes"),
             Some(Step::Index(index)),

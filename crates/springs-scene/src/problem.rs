@@ -1,7 +1,7 @@
 //! Something that is wrong with a scene, in words.
 
 use crate::path::subject;
-use crate::{BreakLimit, Guide, LawFault, Path};
+use crate::{BreakLimit, Guide, LawFault, Path, ProbeQuantity};
 
 /// Something that keeps a scene from being simulated.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -74,7 +74,7 @@ pub enum Problem {
         motion: usize,
     },
     /// A spring refers to a node that is not there.
-    #[error("spring {spring} joins node {node}, but {}", available(*nodes))]
+    #[error("spring {spring} joins node {node}, but {}", available(*nodes, "node"))]
     NoSuchNode {
         /// The spring.
         spring: usize,
@@ -151,7 +151,7 @@ pub enum Problem {
         spring: usize,
     },
     /// A load acts on a node that is not there.
-    #[error("load {load} acts on node {node}, but {}", available(*nodes))]
+    #[error("load {load} acts on node {node}, but {}", available(*nodes, "node"))]
     NoSuchLoaded {
         /// The load.
         load: usize,
@@ -175,6 +175,53 @@ pub enum Problem {
     EmptyTable {
         /// The load.
         load: usize,
+    },
+    /// A probe looks at a node or a spring that is not there.
+    #[error("probe {probe} looks at {item} {index}, but {}", available(*count, item))]
+    NoSuchProbed {
+        /// The probe.
+        probe: usize,
+        /// `node` or `spring`.
+        item: &'static str,
+        /// The one it asks for.
+        index: usize,
+        /// How many there are.
+        count: usize,
+    },
+    /// A probe asks of a node what springs have, or the other way round.
+    #[error("probe {probe} asks for the {} of a {item}, which has none", quantity.name())]
+    NoSuchQuantity {
+        /// The probe.
+        probe: usize,
+        /// `node` or `spring`.
+        item: &'static str,
+        /// What it asks for.
+        quantity: ProbeQuantity,
+    },
+    /// A probe asks for nothing.
+    #[error("probe {probe} asks for nothing")]
+    TellsNothing {
+        /// The probe.
+        probe: usize,
+    },
+    /// A strain needs a length to refer to.
+    #[error("probe {probe} asks for the strain of spring {spring}, whose rest length is zero")]
+    NoProbedStrain {
+        /// The probe.
+        probe: usize,
+        /// The spring.
+        spring: usize,
+    },
+    /// A probe looks more often than anybody can count.
+    #[error(
+        "probe {probe} looks every {every:e} s, more than {} times in a run",
+        u32::MAX
+    )]
+    LooksTooOften {
+        /// The probe.
+        probe: usize,
+        /// In s.
+        every: f64,
     },
     /// Both ends of a spring are the same node.
     #[error("spring {spring} joins node {node} to itself")]
@@ -308,6 +355,11 @@ impl Problem {
             Self::BreakLimit { spring, .. } | Self::NoBreakingStrain { spring } => {
                 Path::Spring(spring, Some("breaks_at"))
             }
+            Self::NoSuchProbed { probe, .. } => Path::Probe(probe, None),
+            Self::NoSuchQuantity { probe, .. }
+            | Self::TellsNothing { probe }
+            | Self::NoProbedStrain { probe, .. } => Path::Probe(probe, Some("of")),
+            Self::LooksTooOften { probe, .. } => Path::Probe(probe, Some("every")),
             Self::TooShort { .. } => Path::Simulation("step"),
             Self::TooMany { what, .. } => Path::Scene(what),
         }
@@ -317,6 +369,14 @@ impl Problem {
     pub fn advice(&self) -> Option<&'static str> {
         match self {
             Self::NoSuchNode { .. } | Self::NoSuchLoaded { .. } => Some("nodes are counted from 0"),
+            Self::NoSuchProbed { .. } => Some("nodes and springs are counted from 0"),
+            Self::NoSuchQuantity { item: "node", .. } => {
+                Some("of a node there are Position, Velocity and Energy")
+            }
+            Self::NoSuchQuantity { .. } => {
+                Some("of a spring there are Length, Strain, Tension and Energy")
+            }
+            Self::TellsNothing { .. } => Some("write what it is to tell, such as of: [Energy]"),
             Self::NoSuchMotion { .. } => Some("motions are counted from 0"),
             Self::NoSuchLaw { .. } => Some("laws are counted from 0"),
             Self::Law { fault, .. } => fault.advice(),
@@ -354,10 +414,10 @@ fn no_guide(node: usize, guide: &Guide) -> String {
     }
 }
 
-fn available(nodes: usize) -> String {
-    match nodes {
-        0 => "the scene has no nodes".to_owned(),
-        1 => "the scene has only node 0".to_owned(),
-        _ => format!("the scene has only nodes 0 to {}", nodes - 1),
+fn available(count: usize, item: &str) -> String {
+    match count {
+        0 => format!("the scene has no {item}s"),
+        1 => format!("the scene has only {item} 0"),
+        _ => format!("the scene has only {item}s 0 to {}", count - 1),
     }
 }

@@ -108,6 +108,13 @@ impl Scene {
             }
         }
         problems.not_negative(Path::Simulation("duration"), self.settings.duration);
+        if self.output.frames == Some(0) {
+            let path = Path::Output("frames");
+            problems.0.push(Problem::NotPositive { path, value: 0.0 });
+        }
+        let probes = self.output.probes.iter().enumerate();
+        let faulty = probes.filter_map(|(index, probe)| probe.problem(index, self));
+        problems.0.extend(faulty);
         if problems.0.is_empty() {
             problems.0.extend(self.overflow());
         }

@@ -112,6 +112,14 @@ impl System {
         });
     }
 
+    /// Hands over the energy, in J, of each spring of the scene that has a stiffness, in any
+    /// order.
+    pub fn each_energy(&self, x: &[Vector3<f64>], visit: &mut dyn FnMut(usize, f64)) {
+        for emitter in self.emitters().take(Lines::OTHERS) {
+            emitter.each_energy(x, visit);
+        }
+    }
+
     /// The forces, in N, that supports must bring up against those of the emitters and
     /// loads at a time in s, by block: all of those on fixed blocks, and the part across
     /// its guide on a guided one. Neither the weight of fixed blocks is among them, nor
