@@ -42,6 +42,81 @@ const PROMISED_FIELDS: [&str; 29] = [
     "/status",
 ];
 
+/// What a scene asks for is written where the command line asks for nothing else; probes
+/// always are.
+#[test]
+fn a_scene_says_what_is_written() {
+    let desk = Desk::new();
+    let scene = r#"Scene(
+        version: 1,
+        gravity: (0, 0, -10),
+        nodes: [(position: (0, 0, 0), fixed: true), (position: (0, 0, -1), mass: 1)],
+        springs: [(nodes: (0, 1), stiffness: 100, rest_length: 0.9)],
+        simulation: (step: 0.1, duration: 0.5, method: TrBdf2),
+        output: (
+            write: [Csv, Springs],
+            frames: 2,
+            probes: [
+                (spring: 0, of: [Strain, Tension], every: 0.2),
+                (node: 1, of: [Position, Velocity]),
+            ],
+        ),
+    )"#;
+    std::fs::write(desk.path("hanging.ron"), scene).unwrap();
+    desk.expect(0, "run hanging.ron --out asked");
+    let asked = [
+        "final.ron",
+        "peaks.csv",
+        "probes.csv",
+        "report.json",
+        "springs.csv",
+    ];
+    assert_eq!(
+        desk.names("asked"),
+        [&asked[..], &["trajectory.csv"]].concat()
+    );
+    let probes = desk.read("asked/probes.csv");
+    let rows: Vec<Vec<&str>> = probes.lines().map(|row| row.split(',').collect()).collect();
+    assert_eq!(rows[0].join(","), "time,item,index,quantity,value");
+    let without_values: Vec<String> = rows[1..].iter().map(|row| row[..4].join(",")).collect();
+    let mut expected = Vec::new();
+    for (time, of) in [
+        ("0.0", "spring node"),
+        ("0.2", "spring"),
+        ("0.25", "node"),
+        ("0.4", "spring"),
+        ("0.5", "node"),
+    ] {
+        for item in of.split(' ') {
+            let (index, quantities) = match item {
+                "spring" => (0, "strain tension"),
+                _ => (1, "x y z vx vy vz"),
+            };
+            let quantities = quantities.split(' ');
+            expected.extend(quantities.map(|name| format!("{time},{item},{index},{name}")));
+        }
+    }
+    assert_eq!(without_values, expected);
+    // It hangs at rest.
+    let value = |row: &[&str]| row[4].parse::<f64>().unwrap();
+    for row in &rows[1..] {
+        let expected = match row[3] {
+            "strain" => 0.1 / 0.9,
+            "tension" => 10.0,
+            "z" => -1.0,
+            _ => 0.0,
+        };
+        assert!((value(row) - expected).abs() < 1e-12, "{row:?}");
+    }
+
+    desk.expect(0, "run hanging.ron --out other --write energy");
+    let other = ["energy.csv", "final.ron", "probes.csv", "report.json"];
+    assert_eq!(desk.names("other"), other);
+    desk.scene("net.ron", "cloth 3");
+    let said = desk.expect(2, "run net.ron --write probes");
+    assert!(said.contains("the scene has no probes to write"), "{said}");
+}
+
 #[test]
 fn a_run_writes_its_files() {
     let desk = Desk::new();

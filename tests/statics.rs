@@ -261,6 +261,10 @@ fn each_failure_has_its_message() {
     };
     let no_loads = "there are no loads that a path could follow";
     two(2, PENDULUM, "settle two.ron --path 10", no_loads);
+    let later = "force: (0, 0, -1.2), over_time: Ramp(from: 0, to: 1))";
+    let later = TRUSS.replace("force: (0, 0, -1.2))", later);
+    let not_yet = "all loads are zero at time 0, and statics takes them as they are then";
+    two(2, &later, "settle two.ron --path 10", not_yet);
     two(
         2,
         TRUSS,

@@ -11,7 +11,7 @@ pub(crate) fn output(entry: OutputEntry, groups: &Groups, findings: &mut Finding
     let probes = probes.filter_map(|(index, entry)| probe(index, entry, groups, findings));
     Output {
         write: entry.write.0.into_iter().map(|name| name.0).collect(),
-        frames: entry.frames,
+        frames: entry.frames.map(|intervals| intervals.0),
         probes: probes.collect(),
     }
 }

@@ -1,7 +1,7 @@
 //! From a scene file to a scene.
 
 use crate::loads::{Groups, load};
-use crate::locate::{Place, locate};
+use crate::locate::{Place, locate, path_in_words};
 use crate::motions::{motions, vector};
 use crate::output::output;
 use crate::scene_file::{NodeEntry, SceneFile, SimulationEntry};
@@ -93,7 +93,7 @@ impl Finding {
         Self::in_text(
             text,
             locate(text, path),
-            path.to_string(),
+            path_in_words(text, path),
             message,
             advice.map(str::to_owned),
         )

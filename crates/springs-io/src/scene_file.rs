@@ -45,7 +45,7 @@ pub(crate) struct SceneFile {
 pub(crate) struct OutputEntry {
     #[serde(default)]
     pub(crate) write: List<OutputName>,
-    pub(crate) frames: Option<u32>,
+    pub(crate) frames: Option<Intervals>,
     #[serde(default)]
     pub(crate) probes: List<ProbeEntry>,
 }
@@ -221,7 +221,8 @@ pub(crate) struct NodeIndex(pub(crate) usize);
 
 impl<'de> Deserialize<'de> for NodeIndex {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_any(Index("node")).map(Self)
+        let what = "the index of a node: 0, 1, 2, …";
+        deserializer.deserialize_any(WholeNumber(what)).map(Self)
     }
 }
 
@@ -231,25 +232,26 @@ pub(crate) struct SpringIndex(pub(crate) usize);
 
 impl<'de> Deserialize<'de> for SpringIndex {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_any(Index("spring")).map(Self)
+        let what = "the index of a spring: 0, 1, 2, …";
+        deserializer.deserialize_any(WholeNumber(what)).map(Self)
     }
 }
 
-/// Reads the index of something.
-struct Index(&'static str);
+/// Reads a whole number, of which is said what it is and what it looks like.
+struct WholeNumber(&'static str);
 
-impl Visitor<'_> for Index {
+impl Visitor<'_> for WholeNumber {
     type Value = usize;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "the index of a {}: 0, 1, 2, …", self.0)
+        f.write_str(self.0)
     }
 
     fn visit_f64<E: de::Error>(self, value: f64) -> Result<usize, E> {
         if value >= 0.0 && value.fract() == 0.0 && value < 2f64.powi(53) {
+            let (what, _) = self.0.split_once(':').unwrap_or((self.0, ""));
             return Err(E::custom(format_args!(
-                "the index of a {} has no decimal point: write {value}",
-                self.0
+                "{what} has no decimal point: write {value}"
             )));
         }
         Err(E::invalid_value(de::Unexpected::Float(value), &self))
@@ -263,6 +265,18 @@ impl Visitor<'_> for Index {
         let index = u64::try_from(value)
             .map_err(|_| E::invalid_value(de::Unexpected::Signed(value), &self))?;
         self.visit_u64(index)
+    }
+}
+
+/// How many intervals there are between frames.
+#[derive(Clone, Copy)]
+pub(crate) struct Intervals(pub(crate) u32);
+
+impl<'de> Deserialize<'de> for Intervals {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let what = "the number of intervals between frames: 1, 2, 3, …";
+        let number = deserializer.deserialize_any(WholeNumber(what))?;
+        u32::try_from(number).map(Self).map_err(de::Error::custom)
     }
 }
 

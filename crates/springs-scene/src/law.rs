@@ -41,8 +41,8 @@ pub enum SpringLaw {
     /// T = a₁ε + a₂ε² + …, in N; K is a₁/l₀.
     Polynomial(Arc<[f64]>),
     /// A smooth curve through points (ε, T in N), in the order of ε, that rises and
-    /// falls where they do; K is the slope of the line through the two points around
-    /// ε = 0.
+    /// falls where they do, and beyond its ends goes on along lines with its slopes there; K
+    /// is the slope of the line through the two points around ε = 0.
     Table(Arc<[[f64; 2]]>),
     /// K up to a tension of ±`yields_at`; from there on it yields, and keeps a part of its
     /// change of length for good (kinematic hardening).

@@ -66,6 +66,7 @@ pub(crate) fn subject(path: &Path) -> String {
         Path::Material(index, field) => of("material", index, field),
         Path::Group(index) => of("group", index, None),
         Path::Output(field) => format!("the output's {field} "),
+        Path::Probe(index, Some("every")) => format!("the time between looks of probe {index} "),
         Path::Probe(index, field) => of("probe", index, field),
     }
 }

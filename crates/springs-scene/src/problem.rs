@@ -1,7 +1,7 @@
 //! Something that is wrong with a scene, in words.
 
 use crate::path::subject;
-use crate::{BreakLimit, Guide, LawFault, Path, ProbeQuantity};
+use crate::{BreakLimit, Guide, LawFault, Path, ProbeQuantity, printable};
 
 /// Something that keeps a scene from being simulated.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -57,21 +57,26 @@ pub enum Problem {
     },
     /// The times of a motion are not in order.
     #[error(
-        "the times of motion {motion} are not in order: {before:?} s stands before {after:?} s"
+        "the times of motion `{}` are not in order: {before:?} s stands before {after:?} s",
+        printable(name)
     )]
     MotionNotInOrder {
         /// The motion.
         motion: usize,
+        /// Its name.
+        name: String,
         /// The first of two times, in s.
         before: f64,
         /// The second, in s.
         after: f64,
     },
     /// A motion has no points.
-    #[error("the table of motion {motion} has no points")]
+    #[error("the table of motion `{}` has no points", printable(name))]
     EmptyMotion {
         /// The motion.
         motion: usize,
+        /// Its name.
+        name: String,
     },
     /// A spring refers to a node that is not there.
     #[error("spring {spring} joins node {node}, but {}", available(*nodes, "node"))]
@@ -132,6 +137,14 @@ pub enum Problem {
         hardening: f64,
         /// Its K, in N/m.
         stiffness: f64,
+    },
+    /// A spring has yielded that cannot.
+    #[error("spring {spring} has yielded by {elongation:?} m, but its law does not yield")]
+    CannotYield {
+        /// The spring.
+        spring: usize,
+        /// By how much, in m.
+        elongation: f64,
     },
     /// A spring cannot break where it should.
     #[error(
@@ -337,7 +350,7 @@ impl Problem {
             Self::NoSuchMotion { node, .. } | Self::MovesFreely { node } => {
                 Path::Node(node, Some("motion"))
             }
-            Self::MotionNotInOrder { motion, .. } | Self::EmptyMotion { motion } => {
+            Self::MotionNotInOrder { motion, .. } | Self::EmptyMotion { motion, .. } => {
                 Path::Motion(motion, None)
             }
             Self::MovesAcross { node, .. } => Path::Node(node, Some("velocity")),
@@ -352,6 +365,7 @@ impl Problem {
             }
             Self::Law { law, .. } => Path::Law(law),
             Self::NoStrain { spring } => Path::Spring(spring, Some("rest_length")),
+            Self::CannotYield { spring, .. } => Path::Spring(spring, Some("yielded")),
             Self::BreakLimit { spring, .. } | Self::NoBreakingStrain { spring } => {
                 Path::Spring(spring, Some("breaks_at"))
             }
@@ -381,6 +395,7 @@ impl Problem {
             Self::NoSuchLaw { .. } => Some("laws are counted from 0"),
             Self::Law { fault, .. } => fault.advice(),
             Self::HardensTooMuch { .. } => Some("it is the stiffness while the spring yields"),
+            Self::CannotYield { .. } => Some("give it the law Plastic, or leave yielded out"),
             Self::NoBreakingStrain { .. } => Some("give it a rest_length, or break it at a Force"),
             Self::OtherStiffness { .. } => Some("leave the stiffness out"),
             Self::MovesFreely { .. } => Some("write fixed: true, or leave the motion out"),
