@@ -6,7 +6,7 @@ use common::desk::Desk;
 use serde_json::Value;
 use springs::io::read_scene;
 use std::io::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Stdio;
 
 /// What scripts rely on in report.json.
@@ -303,6 +303,7 @@ fn wrong_command_lines_exit_with_2_and_write_nothing() {
         "new cloth 1",
         "new cloth 1000000000",
         "new chain 3 --mass -1",
+        "new network no-such.csv --cutoff 1",
         "new chain 3 --stiffness nan",
         "new chain 3 --gravity 1,2",
     ] {
@@ -522,19 +523,26 @@ fn check_runs_nothing_and_says_what_is_there() {
     assert_eq!(std::fs::read_dir(desk.folder()).unwrap().count(), 1);
 }
 
+/// The scene files among the examples.
+fn real_scenes() -> impl Iterator<Item = PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/scenes");
+    let entries = std::fs::read_dir(folder).unwrap();
+    let paths = entries.map(|entry| entry.unwrap().path());
+    paths.filter(|path| path.extension().is_some_and(|ending| ending == "ron"))
+}
+
 #[test]
 fn every_real_scene_runs() {
-    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/scenes");
     let mut run = 0;
-    for entry in std::fs::read_dir(scenes).unwrap() {
-        let path = entry.unwrap().path();
+    for path in real_scenes() {
+        let duration = read_scene(&path).unwrap().0.settings.duration.min(0.2);
         let desk = Desk::new();
         let checked = desk.springs(&format!("check {}", path.display()));
         assert!(checked.status.success(), "{}", path.display());
         desk.expect(
             0,
             &format!(
-                "run {} --duration 0.2 --write csv,svg --quiet",
+                "run {} --duration {duration:?} --write csv,svg --quiet",
                 path.display()
             ),
         );
@@ -605,12 +613,7 @@ fn check_finds_nothing_wrong_with_sound_scenes() {
         desk.scene(name, arguments);
         paths.push(desk.path(name));
     }
-    let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/scenes");
-    paths.extend(
-        std::fs::read_dir(examples)
-            .unwrap()
-            .map(|entry| entry.unwrap().path()),
-    );
+    paths.extend(real_scenes());
     assert!(paths.len() >= 7);
     for path in paths {
         let output = desk.springs(&format!("check {} --tolerance 1e-2", path.display()));

@@ -54,6 +54,7 @@ mod zip;
 
 pub use atomic::{WriteError, remove_drafts, try_to_write, write_whole};
 pub use checkpoint::{Checkpoint, CheckpointError, read_checkpoint, write_checkpoint};
+pub use csv_rows::{RowsError, read_points};
 pub use energies::ENERGIES;
 pub use frames::{FrameFile, FrameSize, Quantity};
 pub use growing::{ContinueError, FileMark, FoundFile, GrowingFile, part_name};
