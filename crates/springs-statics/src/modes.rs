@@ -269,10 +269,9 @@ impl Problem<'_> {
             let [x, y, z] = [0, 1, 2].map(|axis| axes[axis][block]);
             // Onto what guides leave free: of eigenvalues 1 and 0.
             let along = Matrix3::from_columns(&[x, y, z]).symmetric_eigen();
-            (0..3).filter_map(move |k| {
-                (along.eigenvalues[k] > 0.5)
-                    .then(|| (block, along.eigenvectors.column(k).into_owned()))
-            })
+            let free = (0..3).filter(|&k| along.eigenvalues[k] > 0.5);
+            let free = free.map(|k| (block, along.eigenvectors.column(k).into_owned()));
+            free.collect::<Vec<_>>()
         };
         (0..self.masses.len()).flat_map(of_block).collect()
     }
