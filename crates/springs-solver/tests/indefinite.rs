@@ -3,8 +3,10 @@
 
 use nalgebra::{DMatrix, DVector, Matrix3};
 use springs_solver::{
-    Indefinite, Inertia, Pencil, SolveError, Solver, all_eigenpairs, lowest_eigenpairs,
+    Indefinite, Inertia, Interrupt, Pencil, SolveError, Solver, all_eigenpairs, lowest_eigenpairs,
 };
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 struct Matrix {
     n: usize,
@@ -291,4 +293,21 @@ fn stalled_iteration_gives_what_has_converged() {
 fn unknowns_without_mass_must_be_held() {
     let error = all_eigenpairs(2, |i, j| f64::from(i == j && i == 0), &[1.0, 0.0]).unwrap_err();
     assert_eq!(error, SolveError::NotPositiveDefinite { block: 1 });
+}
+
+/// Asked before or on the way, it ends, and has no matrix then.
+#[test]
+fn a_long_factorization_can_be_interrupted() {
+    let matrix = Matrix::grid(12, 1, 0.0);
+    let flag = Arc::new(AtomicBool::new(true));
+    let mut factor = Indefinite::analyze(matrix.n, &matrix.pairs, None).unwrap();
+    factor.set_interrupt(&Interrupt::from(flag.clone()));
+    let blocks = &matrix.off_diagonal;
+    let taken = factor.set_matrix(&matrix.diagonal, blocks);
+    assert_eq!(taken, Err(SolveError::Interrupted));
+    let mut b = vec![1.0; 3 * matrix.n];
+    assert_eq!(factor.solve_in_place(&mut b), Err(SolveError::NoMatrix));
+    flag.store(false, Ordering::Relaxed);
+    factor.set_matrix(&matrix.diagonal, blocks).unwrap();
+    factor.solve_in_place(&mut b).unwrap();
 }

@@ -63,12 +63,11 @@ pub fn modes(scene: &Scene, count: usize, options: &Options) -> Result<Modes, St
     let mut equations = Equations::new(&system);
     equations.linearize(system.initial_positions(), None, Projection::None);
     let mut problem = Problem {
-        solver: equations.solver(options.threads.max(1))?,
-        indefinite: equations.indefinite_solver()?,
+        solver: equations.solver(options)?,
+        indefinite: equations.indefinite_solver(options)?,
         equations: &equations,
         masses,
     };
-    problem.solver.set_interrupt(&options.interrupt);
     let n_all = problem.n_all();
     if n_all == 0 {
         return Err(StaticsError::NoMass);
