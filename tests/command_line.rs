@@ -6,7 +6,7 @@ use common::workspace::Workspace;
 use serde_json::Value;
 use springs::io::read_scene;
 use std::io::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Stdio;
 
 /// What scripts rely on in report.json.
@@ -42,6 +42,81 @@ const PROMISED_FIELDS: [&str; 30] = [
     "/peak_memory_bytes",
     "/status",
 ];
+
+/// What a scene asks for is written where the command line asks for nothing else; probes
+/// always are.
+#[test]
+fn a_scene_says_what_is_written() {
+    let workspace = Workspace::new();
+    let scene = r#"Scene(
+        version: 1,
+        gravity: (0, 0, -10),
+        nodes: [(position: (0, 0, 0), fixed: true), (position: (0, 0, -1), mass: 1)],
+        springs: [(nodes: (0, 1), stiffness: 100, rest_length: 0.9)],
+        simulation: (step: 0.1, duration: 0.5, method: TrBdf2),
+        output: (
+            write: [Csv, Springs],
+            frames: 2,
+            probes: [
+                (spring: 0, of: [Strain, Tension], every: 0.2),
+                (node: 1, of: [Position, Velocity]),
+            ],
+        ),
+    )"#;
+    std::fs::write(workspace.path("hanging.ron"), scene).unwrap();
+    workspace.expect(0, "run hanging.ron --out asked");
+    let asked = [
+        "final.ron",
+        "peaks.csv",
+        "probes.csv",
+        "report.json",
+        "springs.csv",
+    ];
+    assert_eq!(
+        workspace.names("asked"),
+        [&asked[..], &["trajectory.csv"]].concat()
+    );
+    let probes = workspace.read("asked/probes.csv");
+    let rows: Vec<Vec<&str>> = probes.lines().map(|row| row.split(',').collect()).collect();
+    assert_eq!(rows[0].join(","), "time,item,index,quantity,value");
+    let without_values: Vec<String> = rows[1..].iter().map(|row| row[..4].join(",")).collect();
+    let mut expected = Vec::new();
+    for (time, of) in [
+        ("0.0", "spring node"),
+        ("0.2", "spring"),
+        ("0.25", "node"),
+        ("0.4", "spring"),
+        ("0.5", "node"),
+    ] {
+        for item in of.split(' ') {
+            let (index, quantities) = match item {
+                "spring" => (0, "strain tension"),
+                _ => (1, "x y z vx vy vz"),
+            };
+            let quantities = quantities.split(' ');
+            expected.extend(quantities.map(|name| format!("{time},{item},{index},{name}")));
+        }
+    }
+    assert_eq!(without_values, expected);
+    // It hangs at rest.
+    let value = |row: &[&str]| row[4].parse::<f64>().unwrap();
+    for row in &rows[1..] {
+        let expected = match row[3] {
+            "strain" => 0.1 / 0.9,
+            "tension" => 10.0,
+            "z" => -1.0,
+            _ => 0.0,
+        };
+        assert!((value(row) - expected).abs() < 1e-12, "{row:?}");
+    }
+
+    workspace.expect(0, "run hanging.ron --out other --write energy");
+    let other = ["energy.csv", "final.ron", "probes.csv", "report.json"];
+    assert_eq!(workspace.names("other"), other);
+    workspace.scene("net.ron", "cloth 3");
+    let said = workspace.expect(2, "run net.ron --write probes");
+    assert!(said.contains("the scene has no probes to write"), "{said}");
+}
 
 #[test]
 fn a_run_writes_its_files() {
@@ -235,6 +310,7 @@ fn wrong_command_lines_exit_with_2_and_write_nothing() {
         "new cloth 1",
         "new cloth 1000000000",
         "new chain 3 --mass -1",
+        "new network no-such.csv --cutoff 1",
         "new chain 3 --stiffness nan",
         "new chain 3 --gravity 1,2",
     ] {
@@ -460,19 +536,26 @@ fn check_runs_nothing_and_says_what_is_there() {
     assert_eq!(std::fs::read_dir(workspace.folder()).unwrap().count(), 1);
 }
 
+/// The scene files among the examples.
+fn real_scenes() -> impl Iterator<Item = PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/scenes");
+    let entries = std::fs::read_dir(folder).unwrap();
+    let paths = entries.map(|entry| entry.unwrap().path());
+    paths.filter(|path| path.extension().is_some_and(|ending| ending == "ron"))
+}
+
 #[test]
 fn every_real_scene_runs() {
-    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/scenes");
     let mut run = 0;
-    for entry in std::fs::read_dir(scenes).unwrap() {
-        let path = entry.unwrap().path();
+    for path in real_scenes() {
+        let duration = read_scene(&path).unwrap().0.settings.duration.min(0.2);
         let workspace = Workspace::new();
         let checked = workspace.springs(&format!("check {}", path.display()));
         assert!(checked.status.success(), "{}", path.display());
         workspace.expect(
             0,
             &format!(
-                "run {} --duration 0.2 --write csv,svg --quiet",
+                "run {} --duration {duration:?} --write csv,svg --quiet",
                 path.display()
             ),
         );
@@ -543,12 +626,7 @@ fn check_finds_nothing_wrong_with_sound_scenes() {
         workspace.scene(name, arguments);
         paths.push(workspace.path(name));
     }
-    let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/scenes");
-    paths.extend(
-        std::fs::read_dir(examples)
-            .unwrap()
-            .map(|entry| entry.unwrap().path()),
-    );
+    paths.extend(real_scenes());
     assert!(paths.len() >= 7);
     for path in paths {
         let output = workspace.springs(&format!("check {} --tolerance 1e-2", path.display()));

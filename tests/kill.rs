@@ -5,17 +5,18 @@ mod common;
 
 use common::{Random, append, tangle};
 use springs::io::write_scene;
-use springs::scene::{Method, RunOptions, Scene, StepControl};
+use springs::scene::{Method, Probe, ProbeQuantity, Probed, RunOptions, Scene, StepControl};
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 const SPRINGS: &str = env!("CARGO_BIN_EXE_springs");
 
-const RESULTS: [&str; 9] = [
+const RESULTS: [&str; 10] = [
     "final.ron",
     "trajectory.csv",
     "energy.csv",
+    "probes.csv",
     "trajectory.npz",
     "frames.pvd",
     "mesh.obj",
@@ -108,6 +109,11 @@ fn scene(method: Method, step: StepControl) -> Scene {
     scene.settings.method = method;
     scene.settings.step = step;
     scene.settings.duration = 2.0;
+    scene.output.probes = vec![Probe {
+        on: Probed::Springs(vec![1, 20]),
+        of: vec![ProbeQuantity::Tension, ProbeQuantity::Energy],
+        every: Some(0.017),
+    }];
     scene
 }
 

@@ -5,9 +5,9 @@ mod common;
 use common::workspace::all_files;
 use springs::io::{FrameMembers, Mark, RunEnd, RunPlan, SinkKind, TrajectoryFrame};
 use springs::scene::generate::{Material, cloth};
-use springs::scene::{BreakLimit, Scene, Vector3};
+use springs::scene::{BreakLimit, Probe, ProbeQuantity, Probed, Scene, Vector3};
 use springs::sinks::{Marks, SINKS, Sinks, tension_peaks};
-use springs::step::{Frame, Islands, NodeStates, Observer};
+use springs::step::{Frame, Islands, NodeStates, Observer, Samples};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::ControlFlow;
 
@@ -16,6 +16,19 @@ const INTERVALS: usize = 6;
 fn scene() -> Scene {
     let mut scene = cloth(4, Material::of_cloth());
     scene.settings.duration = 0.3;
+    let of = vec![ProbeQuantity::Tension, ProbeQuantity::Energy];
+    scene.output.probes = vec![
+        Probe {
+            on: Probed::Nodes(vec![7, 2]),
+            of: vec![ProbeQuantity::Velocity],
+            every: None,
+        },
+        Probe {
+            on: Probed::Springs(vec![3]),
+            of,
+            every: Some(0.007),
+        },
+    ];
     scene
 }
 
@@ -41,6 +54,15 @@ impl Observer for Writer {
 
     fn wants_members(&self) -> bool {
         self.sinks.wants_members()
+    }
+
+    fn wants_samples(&self) -> bool {
+        self.sinks.want_samples()
+    }
+
+    fn samples(&mut self, samples: Samples<'_>) -> ControlFlow<()> {
+        self.sinks.samples(samples).unwrap();
+        ControlFlow::Continue(())
     }
 
     fn wants_account(&self) -> bool {

@@ -3,9 +3,12 @@
 mod common;
 
 use common::{Random, tangle};
-use springs::io::{parse_scene, scene_to_string};
+use springs::io::{parse_scene, read_scene, scene_to_string};
 use springs::scene::generate::{Material, block, chain, cloth};
-use springs::scene::{Guide, Method, RunOptions, Scene, StepControl, Tangent, Vector3};
+use springs::scene::{
+    Guide, Method, OverTime, Probe, ProbeQuantity, Probed, RunOptions, Scene, StepControl, Tangent,
+    Vector3,
+};
 
 fn bits(scene: &Scene) -> Vec<u64> {
     let nodes = scene.nodes.iter().flat_map(|node| {
@@ -173,6 +176,62 @@ fn loads_and_drag_read_back() {
 }
 
 /// The example of the scene format, as users know it.
+#[test]
+fn outputs_read_back() {
+    let text = r#"Scene(
+        version: 1,
+        groups: { "deck": [1, 0] },
+        nodes: [(position: (0, 0, 0), mass: 1), (position: (1, 0, 0), mass: 1)],
+        springs: [(nodes: (0, 1), stiffness: 1)],
+        output: (
+            write: [Csv, Springs, Npz],
+            frames: 600,
+            probes: [
+                (node: 1, of: [Position, Velocity], every: 0.001),
+                (nodes: "deck", of: [Energy]),
+                (spring: 0, of: [Length, Strain, Tension]),
+                (springs: [0, 0], of: [Energy], every: 2),
+            ],
+        ),
+    )"#;
+    let (scene, options) = parse_scene("it", text).unwrap();
+    assert_eq!(scene.output.write, ["csv", "springs", "npz"]);
+    assert_eq!(scene.output.frames, Some(600));
+    let probe = |on, of: &[ProbeQuantity], every| Probe {
+        on,
+        of: of.to_vec(),
+        every,
+    };
+    use ProbeQuantity::{Energy, Length, Position, Strain, Tension, Velocity};
+    let expected = [
+        probe(Probed::Nodes(vec![1]), &[Position, Velocity], Some(0.001)),
+        probe(Probed::Nodes(vec![1, 0]), &[Energy], None),
+        probe(Probed::Springs(vec![0]), &[Length, Strain, Tension], None),
+        probe(Probed::Springs(vec![0, 0]), &[Energy], Some(2.0)),
+    ];
+    assert_eq!(scene.output.probes, expected);
+    let again = parse_scene("it", &scene_to_string(&scene, &options)).unwrap();
+    assert_eq!(again.0, scene);
+}
+
+/// Tables are beside the scene, not where the program runs.
+#[test]
+fn loads_are_read_from_tables() {
+    let folder = tempfile::tempdir().unwrap();
+    let table = "t, factor\n0, 0\n0.5, 1e1\r\n\n2, -3\n";
+    std::fs::write(folder.path().join("factors.csv"), table).unwrap();
+    let scene = r#"Scene(
+        version: 1,
+        nodes: [(position: (0, 0, 0), mass: 1)],
+        loads: [(nodes: [0], force: (0, 0, 1), over_time: Csv("factors.csv"))],
+    )"#;
+    let path = folder.path().join("scene.ron");
+    std::fs::write(&path, scene).unwrap();
+    let (scene, _) = read_scene(&path).unwrap();
+    let points = vec![[0.0, 0.0], [0.5, 10.0], [2.0, -3.0]];
+    assert_eq!(scene.loads[0].over_time, OverTime::Table(points));
+}
+
 #[test]
 fn the_documented_scene_is_read() {
     let (scene, _) = parse_scene(

@@ -3,9 +3,12 @@
 mod common;
 
 use common::workspace::{Workspace, signal, wait_until};
+use nalgebra::DMatrix;
 use springs::io::{parse_scene, read_scene, scene_to_string};
 use springs::scene::{Start, Vector3};
 use springs::step::{SetupError, Simulation};
+use std::f64::consts::TAU;
+use std::path::Path;
 
 const PENDULUM: &str = "Scene(
     version: 1,
@@ -270,6 +273,10 @@ fn each_failure_has_its_message() {
     };
     let no_loads = "there are no loads that a path could follow";
     two(2, PENDULUM, "settle two.ron --path 10", no_loads);
+    let later = "force: (0, 0, -1.2), over_time: Ramp(from: 0, to: 1))";
+    let later = TRUSS.replace("force: (0, 0, -1.2))", later);
+    let not_yet = "all loads are zero at time 0, and statics takes them as they are then";
+    two(2, &later, "settle two.ron --path 10", not_yet);
     two(
         2,
         TRUSS,
@@ -302,4 +309,83 @@ fn each_failure_has_its_message() {
         "settle two.ron",
         "unknown start `Equilibrum`; known are AsGiven, Equilibrium",
     );
+}
+
+/// All modes of the elastic network against a dense matrix that is made from the points
+/// alone; and as many as dense matrices and iteration find.
+#[test]
+fn an_elastic_network_has_the_modes_of_its_dense_matrix() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/scenes");
+    let table = std::fs::read_to_string(folder.join("elastic-network.csv")).unwrap();
+    let points = table.lines().skip(1).map(|row| {
+        let numbers = row.split(',').map(|cell| cell.parse().unwrap());
+        Vector3::from_iterator(numbers)
+    });
+    let points: Vec<Vector3<f64>> = points.collect();
+    let (n, stiffness, cutoff) = (points.len(), 0.7, 1.3e-9);
+    let mass = 1.39e-23 / n as f64;
+    let mut dense = DMatrix::zeros(3 * n, 3 * n);
+    let mut n_springs = 0;
+    for i in 0..n {
+        for j in i + 1..n {
+            let apart = points[j] - points[i];
+            if apart.norm() > cutoff {
+                continue;
+            }
+            n_springs += 1;
+            let along = apart.normalize();
+            let block = along * along.transpose() * (stiffness / mass);
+            for (row, column, sign) in [(i, i, 1.0), (j, j, 1.0), (i, j, -1.0), (j, i, -1.0)] {
+                let mut part = dense.fixed_view_mut::<3, 3>(3 * row, 3 * column);
+                part += block * sign;
+            }
+        }
+    }
+    // It takes entries that are about 1.
+    let unit = dense.amax();
+    dense /= unit;
+    let mut squares: Vec<f64> = dense.symmetric_eigenvalues().data.into();
+    squares.iter_mut().for_each(|square| *square *= unit);
+    squares.sort_by(f64::total_cmp);
+
+    let workspace = Workspace::new();
+    let scene = folder.join("elastic-network.ron");
+    let (read, _) = read_scene(&scene).unwrap();
+    assert_eq!(read.springs.len(), n_springs);
+    let largest = squares[3 * n - 1];
+    for count in [20, 120, 3 * n, 1000] {
+        let command = format!("modes {} -n {count} --out modes --force", scene.display());
+        workspace.expect(0, &command);
+        let report = workspace.report("modes");
+        assert_eq!(report["zero_modes"], 6);
+        assert_eq!(report["all_modes"], 3 * n);
+        let modes = workspace.read("modes/modes.csv");
+        let frequencies = modes.lines().skip(1).map(|row| {
+            let (_, frequency) = row.split_once(',').unwrap();
+            frequency.parse::<f64>().unwrap()
+        });
+        let frequencies: Vec<f64> = frequencies.collect();
+        assert_eq!(frequencies.len(), count.min(3 * n));
+        assert!(frequencies[..6].iter().all(|frequency| *frequency == 0.0));
+        for (frequency, square) in frequencies.iter().zip(&squares).skip(6) {
+            let found = (frequency * TAU).powi(2);
+            // Rounding of the dense matrix is in proportion to its largest eigenvalue.
+            let off = (found - square).abs();
+            assert!(
+                off < 1e-10 * square + 1e-13 * largest,
+                "{found:e}, not {square:e}"
+            );
+        }
+    }
+}
+
+/// More modes than iteration finds: along a hanging chain they are four decades apart.
+#[test]
+fn all_modes_of_a_hanging_chain_are_found() {
+    let workspace = Workspace::new();
+    workspace.scene("chain.ron", "chain 60");
+    for count in [30, 150, 179, 180] {
+        workspace.expect(0, &format!("modes chain.ron -n {count} --out {count}"));
+        assert_eq!(workspace.report(&count.to_string())["modes"], count);
+    }
 }

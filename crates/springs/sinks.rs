@@ -5,12 +5,12 @@ use crate::report::frame_energies;
 use crate::view::View;
 use serde::{Deserialize, Serialize};
 use springs_io::{
-    ContinueError, ENERGIES, FrameMembers, Mark, Npz, PointCache, REACTIONS, ResumeSink, RunEnd,
-    RunPlan, Sink, SinkKind, SpringsAndPeaks, TRAJECTORY, TensionPeak, TrajectoryFrame, Vtu,
-    WriteError,
+    ContinueError, ENERGIES, FrameMembers, Mark, Npz, PointCache, ProbeSamples, Probes, REACTIONS,
+    ResumeSink, RunEnd, RunPlan, Sink, SinkKind, SpringsAndPeaks, TRAJECTORY, TensionPeak,
+    TrajectoryFrame, Vtu, WriteError,
 };
-use springs_scene::{Scene, Spring};
-use springs_step::{Account, Frame, Islands};
+use springs_scene::{Scene, Spring, printable};
+use springs_step::{Account, Frame, Islands, Samples};
 use std::path::Path;
 
 /// A row for each output; they are written and named in this order, each after those
@@ -20,12 +20,24 @@ pub static SINKS: &[&dyn SinkKind] = &[
     &ENERGIES,
     &SpringsAndPeaks,
     &REACTIONS,
+    &Probes,
     &Npz,
     &Vtu,
     &PointCache,
     &Filmstrip,
     &View,
 ];
+
+/// What is wrong with the outputs that a scene asks for, if anything is.
+pub fn output_problem(scene: &Scene) -> Option<String> {
+    let is_known = |name: &&String| SINKS.iter().any(|kind| kind.name() == name.as_str());
+    let unknown = scene.output.write.iter().find(|name| !is_known(name))?;
+    let known: Vec<&str> = SINKS.iter().map(|kind| kind.name()).collect();
+    let (unknown, known) = (printable(unknown), known.join(", "));
+    Some(format!(
+        "there is no output `{unknown}`; known are {known}, each with a capital first letter"
+    ))
+}
 
 /// What the tension of each spring came to, where members were wanted; else nothing.
 pub fn tension_peaks(islands: &Islands) -> Vec<TensionPeak> {
@@ -115,6 +127,11 @@ impl Sinks {
         self.sinks.iter().any(|(_, sink)| sink.wants_members())
     }
 
+    /// Whether the probes of the scene are to look.
+    pub fn want_samples(&self) -> bool {
+        self.sinks.iter().any(|(_, sink)| sink.wants_samples())
+    }
+
     /// Whether nothing is to be written.
     pub fn is_empty(&self) -> bool {
         self.sinks.is_empty()
@@ -158,6 +175,25 @@ impl Sinks {
             self.awaits_energies |= sink.wants_energies();
             sink.frame(&frame)
         });
+        written.fold(Ok(()), Result::and)
+    }
+
+    /// Shows what probes tell to those who want it.
+    ///
+    /// # Errors
+    ///
+    /// The first of theirs.
+    pub fn samples(&mut self, samples: Samples<'_>) -> Result<(), WriteError> {
+        let of_probes = samples.samples.iter();
+        let of_probes: Vec<(usize, &[f64])> = of_probes
+            .map(|sample| (sample.probe, &sample.values[..]))
+            .collect();
+        let samples = ProbeSamples {
+            time: samples.time,
+            samples: &of_probes,
+        };
+        let wanting = self.each().filter(|sink| sink.wants_samples());
+        let written = wanting.map(|sink| sink.samples(&samples));
         written.fold(Ok(()), Result::and)
     }
 

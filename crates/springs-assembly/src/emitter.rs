@@ -167,6 +167,9 @@ pub trait Emitter: Send + Sync {
     ) {
     }
 
+    /// Hands over the energy, in J, of each spring of the list that it was made from.
+    fn each_energy(&self, _x: &[Vector3<f64>], _visit: &mut dyn FnMut(usize, f64)) {}
+
     /// Whether what its terms give may [change for good](Self::update_memory).
     fn has_memory(&self) -> bool {
         false

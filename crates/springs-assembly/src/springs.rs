@@ -103,6 +103,24 @@ impl<L: LengthLaw + Clone> Springs<L> {
         self.laws[index].energy(Separation::of(&self.connections.difference(index, x)).length)
     }
 
+    /// Hands over the part that each spring of the list has in what a spring gives.
+    fn each_part(&self, visit: &mut dyn FnMut(usize, f64), of: impl Fn(usize) -> f64) {
+        let n_shared = if self.merged.is_empty() {
+            0
+        } else {
+            self.len()
+        };
+        let mut own_shares = vec![1.0; n_shared];
+        for part in &self.merged {
+            own_shares[part.into] -= part.share;
+            visit(part.index, part.share * of(part.into));
+        }
+        for (index, &spring) in self.index.iter().enumerate() {
+            let share = own_shares.get(index).copied().unwrap_or(1.0);
+            visit(spring, share * of(index));
+        }
+    }
+
     /// The block of a spring as linearized at `at`, without weight.
     fn block(&self, index: usize, at: &Evaluation<'_>) -> [f64; 6] {
         let dx = self.connections.difference(index, at.x);
@@ -387,22 +405,11 @@ impl<L: LengthLaw + Clone + Send + Sync> Emitter for Springs<L> {
         carried: Option<&[f64]>,
         visit: &mut dyn FnMut(usize, f64),
     ) {
-        let mut own_shares = vec![
-            1.0;
-            if self.merged.is_empty() {
-                0
-            } else {
-                self.len()
-            }
-        ];
-        for part in &self.merged {
-            own_shares[part.into] -= part.share;
-            visit(part.index, part.share * self.tension(part.into, x, carried));
-        }
-        for (index, &spring) in self.index.iter().enumerate() {
-            let share = own_shares.get(index).copied().unwrap_or(1.0);
-            visit(spring, share * self.tension(index, x, carried));
-        }
+        self.each_part(visit, |index| self.tension(index, x, carried));
+    }
+
+    fn each_energy(&self, x: &[Vector3<f64>], visit: &mut dyn FnMut(usize, f64)) {
+        self.each_part(visit, |index| self.energy_of(index, x));
     }
 
     fn has_memory(&self) -> bool {

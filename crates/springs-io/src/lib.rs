@@ -25,15 +25,19 @@
 
 mod atomic;
 mod checkpoint;
+mod csv_rows;
 mod energies;
 mod frames;
 mod growing;
 mod law_file;
+mod loads;
 mod locate;
 mod members;
 mod motions;
 mod npz;
+mod output;
 mod point_cache;
+mod probes;
 mod read;
 mod report;
 mod scene_file;
@@ -51,20 +55,22 @@ mod zip;
 
 pub use atomic::{WriteError, remove_drafts, try_to_write, write_whole};
 pub use checkpoint::{Checkpoint, CheckpointError, read_checkpoint, write_checkpoint};
+pub use csv_rows::{RowsError, read_points};
 pub use energies::ENERGIES;
 pub use frames::{FrameFile, FrameSize, Quantity};
 pub use growing::{ContinueError, FileMark, FoundFile, GrowingFile, part_name};
 pub use members::{REACTIONS, SPRINGS, SpringsAndPeaks, strain};
 pub use npz::{Npz, NpzError, open_npz};
 pub use point_cache::PointCache;
+pub use probes::{PROBES, Probes};
 pub use read::{Finding, SceneError, parse_scene, parse_scene_with_inputs, read_scene, read_text};
 pub use report::{
     EnergyReport, EnergySum, FailureReport, IslandReport, Report, SavingReport, SecondsReport,
     SwitchReport, TrialsReport, write_report,
 };
 pub use sink::{
-    FrameEnergies, FrameMembers, Mark, ResumeSink, RunEnd, RunPlan, Sink, SinkKind, TensionPeak,
-    TrajectoryFrame,
+    FrameEnergies, FrameMembers, Mark, ProbeSamples, ResumeSink, RunEnd, RunPlan, Sink, SinkKind,
+    TensionPeak, TrajectoryFrame,
 };
 pub use springs::{Inputs, SpringInput};
 pub use statics::{

@@ -4,7 +4,7 @@
 //! (`springs[3].stiffness`) but not their line. RON keeps no positions, so the
 //! text, which has been read without error, is walked once more.
 
-use springs_scene::Path;
+use springs_scene::{Path, printable};
 
 /// A line and a column, both from 1; the column counts characters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,6 +21,12 @@ pub(crate) fn locate(text: &str, path: Path) -> Place {
         Path::Scene(name) => [field(name), None, None],
         Path::Simulation(name) => [field("simulation"), field(name), None],
         Path::Damping(name) => [field("damping"), field(name), None],
+        Path::Output(name) => [field("output"), field(name), None],
+        Path::Probe(index, name) => {
+            let probes = walker.enter(Step::Field("output"));
+            let list = probes.then_some(Step::Field("probes"));
+            [list, Some(Step::Index(index)), name.map(Step::Field)]
+        }
         Path::Node(index, name) => [
             field("nodes"),
             Some(Step::Index(index)),
@@ -58,6 +64,30 @@ pub(crate) fn locate(text: &str, path: Path) -> Place {
         }
     }
     place_of(text, walker.at)
+}
+
+/// How `path` is written: with names where the text has them in place of indices.
+pub(crate) fn path_in_words(text: &str, path: Path) -> String {
+    let (list, index, field) = match path {
+        Path::Motion(index, field) => ("motions", index, field),
+        Path::Material(index, field) => ("materials", index, field),
+        Path::Group(index) => ("groups", index, None),
+        path => return path.to_string(),
+    };
+    let mut walker = Walker::at_value(text, 0);
+    let is_named = walker.enter(Step::Field(list))
+        && walker.enter(Step::Index(index))
+        && walker.rest().starts_with('"');
+    if !is_named {
+        return path.to_string();
+    }
+    let start = walker.at;
+    walker.skip_string();
+    let name = printable(text[start..walker.at].trim_matches('"'));
+    match field {
+        Some(field) => format!("{list}.{name}.{field}"),
+        None => format!("{list}.{name}"),
+    }
 }
 
 /// Place of an offset in bytes.

@@ -1,16 +1,16 @@
 //! From a scene file to a scene.
 
-use crate::locate::{Place, locate};
+use crate::loads::{Groups, load};
+use crate::locate::{Place, locate, path_in_words};
 use crate::motions::{motions, vector};
-use crate::scene_file::{
-    List, LoadEntry, NodeEntry, NodeIndex, NodesEntry, OverTimeEntry, SceneFile, SimulationEntry,
-};
+use crate::output::output;
+use crate::scene_file::{NodeEntry, SceneFile, SimulationEntry};
 use crate::springs::{Inputs, damp, springs};
 use crate::syntax;
 use ron::extensions::Extensions;
 use springs_scene::{
-    Guide, Load, Method, NamedMotion, Node, OverTime, Path as ScenePath, Problem, Rayleigh,
-    RunOptions, Scene, Settings, StepControl, printable,
+    Guide, Method, NamedMotion, Node, Path as ScenePath, Problem, Rayleigh, RunOptions, Scene,
+    Settings, StepControl, printable,
 };
 use std::fmt;
 use std::io::{self, Read};
@@ -93,7 +93,7 @@ impl Finding {
         Self::in_text(
             text,
             locate(text, path),
-            path.to_string(),
+            path_in_words(text, path),
             message,
             advice.map(str::to_owned),
         )
@@ -336,10 +336,11 @@ fn scene(
     let nodes = nodes.map(|(index, entry)| node(index, entry, &motions, findings));
     let nodes: Vec<Node> = nodes.collect();
     let resolved = springs(file.springs.0, &file.materials.0, &nodes, findings);
-    let groups = groups(file.groups.0, nodes.len(), findings);
+    let groups = Groups::new(file.groups.0, nodes.len(), findings);
     let loads = file.loads.0.into_iter().enumerate();
-    let loads = loads.map(|(index, entry)| load(index, entry, &groups, findings));
+    let loads = loads.map(|(index, entry)| load(index, entry, &groups, name, findings));
     let loads = loads.collect();
+    let output = output(file.output, &groups, findings);
     let mut scene = Scene {
         motions,
         name: file.name,
@@ -354,32 +355,10 @@ fn scene(
             stiffness: file.damping.stiffness.0,
         },
         settings: settings(file.simulation),
+        output,
     };
     damp(&resolved.ratios, &mut scene, findings);
     (scene, resolved.law_places, resolved.inputs)
-}
-
-type Group = (String, Vec<usize>);
-
-/// Groups of nodes that exist.
-fn groups(
-    entries: Vec<(String, List<NodeIndex>)>,
-    n_nodes: usize,
-    findings: &mut Findings<'_>,
-) -> Vec<Group> {
-    let mut groups = Vec::with_capacity(entries.len());
-    for (index, (name, nodes)) in entries.into_iter().enumerate() {
-        let nodes: Vec<usize> = nodes.0.iter().map(|index| index.0).collect();
-        if let Some(missing) = nodes.iter().find(|&&node| node >= n_nodes) {
-            let name = printable(&name);
-            let message =
-                format!("group `{name}` has node {missing}, but the scene has {n_nodes} of them");
-            let advice = Some("nodes are counted from 0");
-            findings.push(ScenePath::Group(index), message, advice);
-        }
-        groups.push((name, nodes));
-    }
-    groups
 }
 
 /// The index of what has a name; one that nothing has is added to `findings`.
@@ -434,37 +413,6 @@ fn node(
         },
         motion,
         drag: entry.drag.map(|real| real.0),
-    }
-}
-
-fn load(index: usize, entry: LoadEntry, groups: &[Group], findings: &mut Findings<'_>) -> Load {
-    let nodes = match entry.nodes {
-        NodesEntry::Indices(nodes) => nodes,
-        NodesEntry::Group(name) => {
-            let known = groups.iter().map(|(name, _)| name.as_str());
-            let path = ScenePath::Load(index, Some("nodes"));
-            let found = find_named("group", &name, known, path, findings);
-            found.map_or(Vec::new(), |group| groups[group].1.clone())
-        }
-    };
-    Load {
-        nodes,
-        force: vector(entry.force),
-        over_time: match entry.over_time {
-            OverTimeEntry::Constant => OverTime::Constant,
-            OverTimeEntry::Ramp { from, to } => OverTime::Ramp {
-                from: from.0,
-                to: to.0,
-            },
-            OverTimeEntry::Sine { frequency, phase } => OverTime::Sine {
-                frequency: frequency.0,
-                phase: phase.0,
-            },
-            OverTimeEntry::Table(points) => {
-                let points = points.0.iter().map(|point| point.0.map(|real| real.0));
-                OverTime::Table(points.collect())
-            }
-        },
     }
 }
 

@@ -36,6 +36,31 @@ pub(crate) struct SceneFile {
     pub(crate) damping: DampingEntry,
     #[serde(default)]
     pub(crate) simulation: SimulationEntry,
+    #[serde(default)]
+    pub(crate) output: OutputEntry,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields, rename = "Output")]
+pub(crate) struct OutputEntry {
+    #[serde(default)]
+    pub(crate) write: List<OutputName>,
+    pub(crate) frames: Option<Intervals>,
+    #[serde(default)]
+    pub(crate) probes: List<ProbeEntry>,
+}
+
+/// It looks at one of `node`, `nodes`, `spring` and `springs`.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, rename = "Probe")]
+pub(crate) struct ProbeEntry {
+    pub(crate) node: Option<NodeIndex>,
+    pub(crate) nodes: Option<NodesEntry>,
+    pub(crate) spring: Option<SpringIndex>,
+    pub(crate) springs: Option<List<SpringIndex>>,
+    #[serde(default)]
+    pub(crate) of: List<Named<springs_scene::ProbeQuantity>>,
+    pub(crate) every: Option<Real>,
 }
 
 #[derive(Deserialize)]
@@ -62,6 +87,8 @@ pub(crate) enum OverTimeEntry {
         phase: Real,
     },
     Table(List<Tuple<2, Real>>),
+    /// Rows of time, factor in a file beside the scene.
+    Csv(String),
 }
 
 #[derive(Deserialize)]
@@ -196,37 +223,85 @@ pub(crate) struct NodeIndex(pub(crate) usize);
 
 impl<'de> Deserialize<'de> for NodeIndex {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Index;
+        let what = "the index of a node: 0, 1, 2, …";
+        deserializer.deserialize_any(WholeNumber(what)).map(Self)
+    }
+}
 
-        impl Visitor<'_> for Index {
-            type Value = NodeIndex;
+/// The index of a spring.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct SpringIndex(pub(crate) usize);
+
+impl<'de> Deserialize<'de> for SpringIndex {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let what = "the index of a spring: 0, 1, 2, …";
+        deserializer.deserialize_any(WholeNumber(what)).map(Self)
+    }
+}
+
+/// Reads a whole number, of which is said what it is and what it looks like.
+struct WholeNumber(&'static str);
+
+impl Visitor<'_> for WholeNumber {
+    type Value = usize;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.0)
+    }
+
+    fn visit_f64<E: de::Error>(self, value: f64) -> Result<usize, E> {
+        if value >= 0.0 && value.fract() == 0.0 && value < 2f64.powi(53) {
+            let (what, _) = self.0.split_once(':').unwrap_or((self.0, ""));
+            return Err(E::custom(format_args!(
+                "{what} has no decimal point: write {value}"
+            )));
+        }
+        Err(E::invalid_value(de::Unexpected::Float(value), &self))
+    }
+
+    fn visit_u64<E: de::Error>(self, value: u64) -> Result<usize, E> {
+        usize::try_from(value).map_err(E::custom)
+    }
+
+    fn visit_i64<E: de::Error>(self, value: i64) -> Result<usize, E> {
+        let index = u64::try_from(value)
+            .map_err(|_| E::invalid_value(de::Unexpected::Signed(value), &self))?;
+        self.visit_u64(index)
+    }
+}
+
+/// How many intervals there are between frames.
+#[derive(Clone, Copy)]
+pub(crate) struct Intervals(pub(crate) u32);
+
+impl<'de> Deserialize<'de> for Intervals {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let what = "the number of intervals between frames: 1, 2, 3, …";
+        let number = deserializer.deserialize_any(WholeNumber(what))?;
+        u32::try_from(number).map(Self).map_err(de::Error::custom)
+    }
+}
+
+/// The name of an output, unquoted, in lower case.
+pub(crate) struct OutputName(pub(crate) String);
+
+impl<'de> Deserialize<'de> for OutputName {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Name;
+
+        impl Visitor<'_> for Name {
+            type Value = OutputName;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("the index of a node: 0, 1, 2, …")
+                f.write_str("the name of an output such as Csv")
             }
 
-            fn visit_f64<E: de::Error>(self, value: f64) -> Result<NodeIndex, E> {
-                if value >= 0.0 && value.fract() == 0.0 && value < 2f64.powi(53) {
-                    return Err(E::custom(format_args!(
-                        "the index of a node has no decimal point: write {value}"
-                    )));
-                }
-                Err(E::invalid_value(de::Unexpected::Float(value), &self))
-            }
-
-            fn visit_u64<E: de::Error>(self, value: u64) -> Result<NodeIndex, E> {
-                let index = usize::try_from(value).map_err(E::custom)?;
-                Ok(NodeIndex(index))
-            }
-
-            fn visit_i64<E: de::Error>(self, value: i64) -> Result<NodeIndex, E> {
-                let index = u64::try_from(value)
-                    .map_err(|_| E::invalid_value(de::Unexpected::Signed(value), &self))?;
-                self.visit_u64(index)
+            fn visit_str<E: de::Error>(self, name: &str) -> Result<OutputName, E> {
+                Ok(OutputName(name.to_lowercase()))
             }
         }
 
-        deserializer.deserialize_any(Index)
+        deserializer.deserialize_identifier(Name)
     }
 }
 

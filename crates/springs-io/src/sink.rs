@@ -69,6 +69,11 @@ pub trait Sink: Send {
         false
     }
 
+    /// Whether to be called with what the probes of the scene tell.
+    fn wants_samples(&self) -> bool {
+        false
+    }
+
     /// Called for every frame, in order.
     ///
     /// # Errors
@@ -84,6 +89,15 @@ pub trait Sink: Send {
     ///
     /// If they cannot be written.
     fn energies(&mut self, _energies: &FrameEnergies) -> Result<(), WriteError> {
+        Ok(())
+    }
+
+    /// Called with what probes tell at one time, if that is wanted, in the order of time.
+    ///
+    /// # Errors
+    ///
+    /// If it cannot be written.
+    fn samples(&mut self, _samples: &ProbeSamples<'_>) -> Result<(), WriteError> {
         Ok(())
     }
 
@@ -135,7 +149,8 @@ pub struct RunEnd<'a> {
     pub peaks: &'a [TensionPeak],
 }
 
-/// The largest and the least tension of a spring at the ends of steps.
+/// The largest and the least tension of a spring at the ends of steps, at frames, and where a
+/// probe told tensions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TensionPeak {
     /// In N.
@@ -161,6 +176,17 @@ pub struct FrameMembers<'a> {
     pub yielded: &'a [usize],
     /// Nodes and the forces of their supports on them, in N.
     pub reactions: &'a [(usize, Vector3<f64>)],
+}
+
+/// What probes tell at one time.
+#[derive(Clone, Copy, Debug)]
+pub struct ProbeSamples<'a> {
+    /// In s.
+    pub time: f64,
+    /// Indices of the probes that look then, ascending, and the
+    /// [numbers](springs_scene::ProbeQuantity::numbers) of each of their quantities, of each
+    /// node or spring that they look at.
+    pub samples: &'a [(usize, &'a [f64])],
 }
 
 /// Positions (m) and velocities (m/s) of all nodes at one time (s).

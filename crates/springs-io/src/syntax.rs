@@ -55,6 +55,11 @@ pub(crate) fn finding(
         _ => (place, None),
     };
     let message = match &error.code {
+        ron::Error::SuggestRawIdentifier(found) | ron::Error::InvalidIdentifier(found)
+            if path.ends_with("breaks_at") =>
+        {
+            format!("say what breaks it: Strain({found}) or Force({found})")
+        }
         ron::Error::ExpectedStructLike => {
             let before = text[..offset].trim_end();
             let word = &before[before.trim_end_matches(is_in_word).len()..];

@@ -4,8 +4,8 @@ use crate::atomic::{Draft, WriteError};
 use crate::scene_file::VERSION;
 use nalgebra::Vector3;
 use springs_scene::{
-    BreakLimit, Guide, LinearTolerance, Load, Method, OverTime, PrescribedMotion, Rayleigh,
-    RunOptions, Scene, SpringLaw, Start, StepControl,
+    BreakLimit, Guide, LinearTolerance, Load, Method, Output, OverTime, PrescribedMotion, Probe,
+    Rayleigh, RunOptions, Scene, SpringLaw, Start, StepControl,
 };
 use std::fmt::Write as _;
 use std::io::{self, Write};
@@ -145,7 +145,55 @@ fn write_text(scene: &Scene, options: &RunOptions, text: &mut dyn Write) -> io::
     if options.substeps {
         fields += ", substeps: true";
     }
-    writeln!(text, "    simulation: ({fields}),\n)")
+    writeln!(text, "    simulation: ({fields}),")?;
+    write_output(&scene.output, text)?;
+    writeln!(text, ")")
+}
+
+fn write_output(output: &Output, text: &mut dyn Write) -> io::Result<()> {
+    if *output == Output::default() {
+        return Ok(());
+    }
+    writeln!(text, "    output: (")?;
+    if !output.write.is_empty() {
+        let names: Vec<String> = output.write.iter().map(|name| capitalized(name)).collect();
+        writeln!(text, "        write: [{}],", names.join(", "))?;
+    }
+    if let Some(frames) = output.frames {
+        writeln!(text, "        frames: {frames},")?;
+    }
+    if !output.probes.is_empty() {
+        writeln!(text, "        probes: [")?;
+        for probe in &output.probes {
+            writeln!(text, "            ({}),", probe_text(probe))?;
+        }
+        writeln!(text, "        ],")?;
+    }
+    writeln!(text, "    ),")
+}
+
+fn probe_text(probe: &Probe) -> String {
+    let (item, indices) = (probe.on.item(), probe.on.indices());
+    let on = match indices {
+        [index] => format!("{item}: {index}"),
+        _ => {
+            let indices: Vec<String> = indices.iter().map(usize::to_string).collect();
+            format!("{item}s: [{}]", indices.join(", "))
+        }
+    };
+    let quantities: Vec<&str> = probe.of.iter().map(|quantity| quantity.name()).collect();
+    let mut fields = format!("{on}, of: [{}]", quantities.join(", "));
+    if let Some(every) = probe.every {
+        fields += &format!(", every: {}", number(every));
+    }
+    fields
+}
+
+/// The name of an output as it stands in scene files.
+fn capitalized(name: &str) -> String {
+    let mut letters = name.chars();
+    let first = letters.next().map(|first| first.to_ascii_uppercase());
+    first.into_iter().chain(letters).collect()
 }
 
 /// Writes [`scene_to_string`] to a file, whole or not at all.

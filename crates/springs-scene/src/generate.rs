@@ -1,4 +1,4 @@
-//! Chains, cloths and blocks of springs, one unit long by default.
+//! Chains, cloths and blocks of springs, one unit long by default, and networks of points.
 
 use crate::{Method, Node, Scene, Settings, StepControl};
 use nalgebra::Vector3;
@@ -8,11 +8,13 @@ use nalgebra::Vector3;
 pub struct Material {
     /// K of every spring, in N/m.
     pub stiffness: f64,
-    /// Total mass in kg, shared over the springs in proportion to rest length.
+    /// Total mass in kg, shared over the springs in proportion to rest length, or equally
+    /// over the nodes of a network.
     pub mass: f64,
     /// Damping c of every spring, in N·s/m.
     pub damping: f64,
-    /// Length of the chain, or of an edge of the cloth or block, in m.
+    /// Length of the chain, or of an edge of the cloth or block, in m; a network has that of
+    /// its points.
     pub size: f64,
 }
 
@@ -48,7 +50,7 @@ impl Material {
     }
 }
 
-/// Gravity of the generated scenes, in m/s²: downward along z.
+/// Gravity of the generated scenes but networks, in m/s²: downward along z.
 pub const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
 
 /// A chain of `springs` springs along x, hanging from node 0.
@@ -141,6 +143,42 @@ pub fn block(n: usize, material: Material) -> Scene {
         }
     }
     finish(scene, material)
+}
+
+/// An elastic network: springs between all points, in m, that are no further apart than
+/// `cutoff`, in m, at rest as they are; equal masses on the nodes, no gravity. Springs
+/// (i, j), i < j, in that order.
+pub fn network(points: &[Vector3<f64>], cutoff: f64, material: Material) -> Scene {
+    let mut scene = empty(format!("network {}", points.len()));
+    scene.gravity = Vector3::zeros();
+    let mass = material.mass / points.len() as f64;
+    for &point in points {
+        scene.add_node(Node {
+            mass,
+            ..Node::at(point)
+        });
+    }
+    // Those that are near along x follow each other.
+    let mut along_x: Vec<usize> = (0..points.len()).collect();
+    along_x.sort_by(|&a, &b| points[a].x.total_cmp(&points[b].x));
+    let mut pairs = Vec::new();
+    for (place, &a) in along_x.iter().enumerate() {
+        let later = along_x[place + 1..].iter();
+        let near = later.take_while(|&&b| points[b].x - points[a].x <= cutoff);
+        let near = near.filter(|&&b| scene.nodes[a].distance(&scene.nodes[b]) <= cutoff);
+        pairs.extend(near.map(|&b| [a.min(b), a.max(b)]));
+    }
+    pairs.sort_unstable();
+    for [a, b] in pairs {
+        scene.add_spring(a, b, material.stiffness);
+    }
+    finish(
+        scene,
+        Material {
+            mass: 0.0,
+            ..material
+        },
+    )
 }
 
 /// Moves every free node by a random amount, up to `amplitude` in m in each
@@ -257,6 +295,23 @@ mod tests {
     }
 
     #[test]
+    fn networks_join_what_is_near() {
+        let points = [[0.0, 0.0, 2.0], [3.0, 0.0, 0.0], [0.0; 3], [-0.5, 1.0, 2.0]];
+        let points = points.map(Vector3::from);
+        let material = Material {
+            stiffness: 7.0,
+            ..Material::of_block()
+        };
+        let scene = network(&points, 2.5, material);
+        let pairs: Vec<[usize; 2]> = scene.springs.iter().map(|spring| spring.nodes).collect();
+        assert_eq!(pairs, [[0, 2], [0, 3], [2, 3]]);
+        assert_eq!(scene.springs[0].rest_length, 2.0);
+        assert_eq!(scene.node_masses(), [2.5; 4]);
+        assert_eq!(network(&points, 1.0, material).springs.len(), 0);
+        assert_eq!(network(&points, 9.0, material).springs.len(), 6);
+    }
+
+    #[test]
     fn smallest_sizes_do_not_trip() {
         for n in 0..3 {
             let cloth = cloth(n, Material::of_cloth());
@@ -264,6 +319,7 @@ mod tests {
             assert_eq!(block(n, Material::of_block()).nodes.len(), n * n * n);
             assert_eq!(chain(n, Material::of_chain(n)).nodes.len(), n + 1);
         }
+        assert_eq!(network(&[], 1.0, Material::of_block()).nodes.len(), 0);
     }
 
     #[test]

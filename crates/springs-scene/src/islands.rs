@@ -1,6 +1,6 @@
 //! Parts of a scene that are not coupled.
 
-use crate::Scene;
+use crate::{Output, Scene};
 
 /// Nodes and springs that act on each other, by their indices in the scene,
 /// ascending.
@@ -78,7 +78,8 @@ impl Scene {
         islands
     }
 
-    /// The part of the scene with the nodes and springs of an island.
+    /// The part of the scene with the nodes and springs of an island, without what a run is
+    /// to show.
     ///
     /// # Panics
     ///
@@ -105,6 +106,7 @@ impl Scene {
             drag: self.drag,
             damping: self.damping,
             settings: self.settings,
+            output: Output::default(),
         }
     }
 }

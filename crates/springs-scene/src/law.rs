@@ -79,8 +79,8 @@ macro_rules! laws {
             /// T = a₁ε + a₂ε² + …, in N; K is a₁/l₀.
             Polynomial(Arc<[f64]>),
             /// A smooth curve through points (ε, T in N), in the order of ε, that rises and
-            /// falls where they do; K is the slope of the line through the two points around
-            /// ε = 0.
+            /// falls where they do, and beyond its ends goes on along lines with its slopes
+            /// there; K is the slope of the line through the two points around ε = 0.
             Table(Arc<[[f64; 2]]>),
         }
 

@@ -25,6 +25,10 @@ pub enum Path {
     Material(usize, Option<&'static str>),
     /// A group of nodes of a scene file.
     Group(usize),
+    /// A field of what a run shows.
+    Output(&'static str),
+    /// A field of a probe, or the whole probe.
+    Probe(usize, Option<&'static str>),
 }
 
 impl fmt::Display for Path {
@@ -40,6 +44,8 @@ impl fmt::Display for Path {
             Self::Law(index) => ("laws", index, None),
             Self::Material(index, field) => ("materials", index, field),
             Self::Group(index) => ("groups", index, None),
+            Self::Output(field) => return write!(f, "output.{field}"),
+            Self::Probe(index, field) => ("output.probes", index, field),
         };
         write!(f, "{list}[{index}]")?;
         field.map_or(Ok(()), |field| write!(f, ".{field}"))
@@ -59,6 +65,9 @@ pub(crate) fn subject(path: &Path) -> String {
         Path::Law(index) => of("law", index, None),
         Path::Material(index, field) => of("material", index, field),
         Path::Group(index) => of("group", index, None),
+        Path::Output(field) => format!("the output's {field} "),
+        Path::Probe(index, Some("every")) => format!("the time between looks of probe {index} "),
+        Path::Probe(index, field) => of("probe", index, field),
     }
 }
 

@@ -1,7 +1,7 @@
 //! Something that is wrong with a scene, in words.
 
 use crate::path::subject;
-use crate::{BreakLimit, Guide, LawFault, Path};
+use crate::{BreakLimit, Guide, LawFault, Path, ProbeQuantity, printable};
 
 /// Something that keeps a scene from being simulated.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -57,24 +57,29 @@ pub enum Problem {
     },
     /// The times of a motion are not in order.
     #[error(
-        "the times of motion {motion} are not in order: {before:?} s stands before {after:?} s"
+        "the times of motion `{}` are not in order: {before:?} s stands before {after:?} s",
+        printable(name)
     )]
     MotionNotInOrder {
         /// The motion.
         motion: usize,
+        /// Its name.
+        name: String,
         /// The first of two times, in s.
         before: f64,
         /// The second, in s.
         after: f64,
     },
     /// A motion has no points.
-    #[error("the table of motion {motion} has no points")]
+    #[error("the table of motion `{}` has no points", printable(name))]
     EmptyMotion {
         /// The motion.
         motion: usize,
+        /// Its name.
+        name: String,
     },
     /// A spring refers to a node that is not there.
-    #[error("spring {spring} joins node {node}, but {}", available(*nodes))]
+    #[error("spring {spring} joins node {node}, but {}", available(*nodes, "node"))]
     NoSuchNode {
         /// The spring.
         spring: usize,
@@ -133,6 +138,14 @@ pub enum Problem {
         /// Its K, in N/m.
         stiffness: f64,
     },
+    /// A spring has yielded that cannot.
+    #[error("spring {spring} has yielded by {elongation:?} m, but its law does not yield")]
+    CannotYield {
+        /// The spring.
+        spring: usize,
+        /// By how much, in m.
+        elongation: f64,
+    },
     /// A spring cannot break where it should.
     #[error(
         "the {} at which spring {spring} breaks must be finite and not negative, but is {}",
@@ -151,7 +164,7 @@ pub enum Problem {
         spring: usize,
     },
     /// A load acts on a node that is not there.
-    #[error("load {load} acts on node {node}, but {}", available(*nodes))]
+    #[error("load {load} acts on node {node}, but {}", available(*nodes, "node"))]
     NoSuchLoaded {
         /// The load.
         load: usize,
@@ -175,6 +188,53 @@ pub enum Problem {
     EmptyTable {
         /// The load.
         load: usize,
+    },
+    /// A probe looks at a node or a spring that is not there.
+    #[error("probe {probe} looks at {item} {index}, but {}", available(*count, item))]
+    NoSuchProbed {
+        /// The probe.
+        probe: usize,
+        /// `node` or `spring`.
+        item: &'static str,
+        /// The one it asks for.
+        index: usize,
+        /// How many there are.
+        count: usize,
+    },
+    /// A probe asks of a node what springs have, or the other way round.
+    #[error("probe {probe} asks for the {} of a {item}, which has none", quantity.name())]
+    NoSuchQuantity {
+        /// The probe.
+        probe: usize,
+        /// `node` or `spring`.
+        item: &'static str,
+        /// What it asks for.
+        quantity: ProbeQuantity,
+    },
+    /// A probe asks for nothing.
+    #[error("probe {probe} asks for nothing")]
+    TellsNothing {
+        /// The probe.
+        probe: usize,
+    },
+    /// A strain needs a length to refer to.
+    #[error("probe {probe} asks for the strain of spring {spring}, whose rest length is zero")]
+    NoProbedStrain {
+        /// The probe.
+        probe: usize,
+        /// The spring.
+        spring: usize,
+    },
+    /// A probe looks more often than anybody can count.
+    #[error(
+        "probe {probe} looks every {every:e} s, more than {} times in a run",
+        u32::MAX
+    )]
+    LooksTooOften {
+        /// The probe.
+        probe: usize,
+        /// In s.
+        every: f64,
     },
     /// Both ends of a spring are the same node.
     #[error("spring {spring} joins node {node} to itself")]
@@ -290,7 +350,7 @@ impl Problem {
             Self::NoSuchMotion { node, .. } | Self::MovesFreely { node } => {
                 Path::Node(node, Some("motion"))
             }
-            Self::MotionNotInOrder { motion, .. } | Self::EmptyMotion { motion } => {
+            Self::MotionNotInOrder { motion, .. } | Self::EmptyMotion { motion, .. } => {
                 Path::Motion(motion, None)
             }
             Self::MovesAcross { node, .. } => Path::Node(node, Some("velocity")),
@@ -305,9 +365,15 @@ impl Problem {
             }
             Self::Law { law, .. } => Path::Law(law),
             Self::NoStrain { spring } => Path::Spring(spring, Some("rest_length")),
+            Self::CannotYield { spring, .. } => Path::Spring(spring, Some("yielded")),
             Self::BreakLimit { spring, .. } | Self::NoBreakingStrain { spring } => {
                 Path::Spring(spring, Some("breaks_at"))
             }
+            Self::NoSuchProbed { probe, .. } => Path::Probe(probe, None),
+            Self::NoSuchQuantity { probe, .. }
+            | Self::TellsNothing { probe }
+            | Self::NoProbedStrain { probe, .. } => Path::Probe(probe, Some("of")),
+            Self::LooksTooOften { probe, .. } => Path::Probe(probe, Some("every")),
             Self::TooShort { .. } => Path::Simulation("step"),
             Self::TooMany { what, .. } => Path::Scene(what),
         }
@@ -317,10 +383,19 @@ impl Problem {
     pub fn advice(&self) -> Option<&'static str> {
         match self {
             Self::NoSuchNode { .. } | Self::NoSuchLoaded { .. } => Some("nodes are counted from 0"),
+            Self::NoSuchProbed { .. } => Some("nodes and springs are counted from 0"),
+            Self::NoSuchQuantity { item: "node", .. } => {
+                Some("of a node there are Position, Velocity and Energy")
+            }
+            Self::NoSuchQuantity { .. } => {
+                Some("of a spring there are Length, Strain, Tension and Energy")
+            }
+            Self::TellsNothing { .. } => Some("write what it is to tell, such as of: [Energy]"),
             Self::NoSuchMotion { .. } => Some("motions are counted from 0"),
             Self::NoSuchLaw { .. } => Some("laws are counted from 0"),
             Self::Law { fault, .. } => fault.advice(),
             Self::HardensTooMuch { .. } => Some("it is the stiffness while the spring yields"),
+            Self::CannotYield { .. } => Some("give it the law Plastic, or leave yielded out"),
             Self::NoBreakingStrain { .. } => Some("give it a rest_length, or break it at a Force"),
             Self::OtherStiffness { .. } => Some("leave the stiffness out"),
             Self::MovesFreely { .. } => Some("write fixed: true, or leave the motion out"),
@@ -354,10 +429,10 @@ fn no_guide(node: usize, guide: &Guide) -> String {
     }
 }
 
-fn available(nodes: usize) -> String {
-    match nodes {
-        0 => "the scene has no nodes".to_owned(),
-        1 => "the scene has only node 0".to_owned(),
-        _ => format!("the scene has only nodes 0 to {}", nodes - 1),
+fn available(count: usize, item: &str) -> String {
+    match count {
+        0 => format!("the scene has no {item}s"),
+        1 => format!("the scene has only {item} 0"),
+        _ => format!("the scene has only {item}s 0 to {}", count - 1),
     }
 }

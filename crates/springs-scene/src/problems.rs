@@ -2,8 +2,8 @@
 
 use crate::problem::SHORTEST_STEP;
 use crate::{
-    BreakLimit, Guide, Load, Node, OverTime, Path, PrescribedMotion, Problem, RunOptions, Scene,
-    Spring, SpringLaw, StepControl,
+    BreakLimit, Guide, Load, NamedMotion, Node, OverTime, Path, PrescribedMotion, Problem,
+    RunOptions, Scene, Spring, SpringLaw, StepControl,
 };
 use nalgebra::Vector3;
 
@@ -73,6 +73,12 @@ impl Scene {
                 problems.has_law(index, spring, law, &self.laws);
             }
             problems.all_finite(path("yielded"), &[spring.yielded]);
+            if spring.yielded != 0.0 && !self.can_yield(spring) {
+                problems.0.push(Problem::CannotYield {
+                    spring: index,
+                    elongation: spring.yielded,
+                });
+            }
             if let Some(limit) = spring.breaks_at {
                 problems.breaks_at(index, spring, limit);
             }
@@ -87,7 +93,7 @@ impl Scene {
             }
         }
         for (index, motion) in self.motions.iter().enumerate() {
-            problems.motion(index, &motion.motion);
+            problems.motion(index, motion);
         }
         problems.not_negative(Path::Scene("drag"), self.drag);
         problems.not_negative(Path::Damping("mass"), self.damping.mass);
@@ -108,10 +114,23 @@ impl Scene {
             }
         }
         problems.not_negative(Path::Simulation("duration"), self.settings.duration);
+        if self.output.frames == Some(0) {
+            let path = Path::Output("frames");
+            problems.0.push(Problem::NotPositive { path, value: 0.0 });
+        }
+        let probes = self.output.probes.iter().enumerate();
+        let faulty = probes.filter_map(|(index, probe)| probe.problem(index, self));
+        problems.0.extend(faulty);
         if problems.0.is_empty() {
             problems.0.extend(self.overflow());
         }
         problems.0
+    }
+
+    /// Whether the law of a spring yields; one that does not exist may.
+    fn can_yield(&self, spring: &Spring) -> bool {
+        let law = spring.law.map(|law| self.laws.get(law));
+        law.is_some_and(|law| law.is_none_or(|law| matches!(law, SpringLaw::Plastic { .. })))
     }
 
     /// The node with the largest coordinate.
@@ -254,9 +273,10 @@ impl Problems {
         }
     }
 
-    fn motion(&mut self, index: usize, motion: &PrescribedMotion) {
+    fn motion(&mut self, index: usize, motion: &NamedMotion) {
         let path = Path::Motion(index, None);
-        match motion {
+        let name = || motion.name.clone();
+        match &motion.motion {
             PrescribedMotion::Sine {
                 amplitude,
                 frequency,
@@ -267,7 +287,10 @@ impl Problems {
             }
             PrescribedMotion::Table(points) => {
                 if points.is_empty() {
-                    self.0.push(Problem::EmptyMotion { motion: index });
+                    self.0.push(Problem::EmptyMotion {
+                        motion: index,
+                        name: name(),
+                    });
                 }
                 for (time, at) in points.iter() {
                     self.all_finite(path, &[*time, at.x, at.y, at.z]);
@@ -276,6 +299,7 @@ impl Problems {
                 let found = points.windows(2).find(falls);
                 self.0.extend(found.map(|pair| Problem::MotionNotInOrder {
                     motion: index,
+                    name: name(),
                     before: pair[0].0,
                     after: pair[1].0,
                 }));

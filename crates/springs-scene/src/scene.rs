@@ -1,6 +1,6 @@
 //! Nodes, springs and the scene that holds them.
 
-use crate::{Displacement, Load, PrescribedMotion, Settings, SpringLaw};
+use crate::{Displacement, Load, Output, PrescribedMotion, Settings, SpringLaw};
 use nalgebra::Vector3;
 
 /// A point mass: three coordinates, the note's degrees of freedom.
@@ -234,6 +234,8 @@ pub struct Scene {
     pub damping: Rayleigh,
     /// How to simulate it.
     pub settings: Settings,
+    /// What a run shows of it.
+    pub output: Output,
 }
 
 impl Scene {

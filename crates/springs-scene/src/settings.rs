@@ -167,6 +167,8 @@ macro_rules! named {
     };
 }
 
+pub(crate) use named;
+
 named! {
     /// A time integration method.
     #[non_exhaustive]
@@ -251,7 +253,7 @@ pub struct UnknownName {
 const SHOWN: usize = 40;
 
 impl UnknownName {
-    fn new(what: &'static str, name: &str, known: Vec<[&'static str; 2]>) -> Self {
+    pub(crate) fn new(what: &'static str, name: &str, known: Vec<[&'static str; 2]>) -> Self {
         let mut shown: String = name.chars().take(SHOWN).collect();
         if shown.len() < name.len() {
             shown.push('…');

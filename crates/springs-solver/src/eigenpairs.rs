@@ -1,7 +1,8 @@
 //! Lowest eigenpairs of K x = λ M x by block Lanczos iteration on a shifted inverse.
 
 use crate::SolveError;
-use faer::{Mat, Side};
+use crate::dense::symmetric_eigenpairs;
+use faer::Mat;
 
 /// K x = λ M x with symmetric K and positive semidefinite M, by what they do to
 /// vectors of n numbers.
@@ -26,6 +27,16 @@ pub struct Eigenpair {
     pub vector: Vec<f64>,
 }
 
+/// What iteration for the lowest eigenpairs came to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LowestEigenpairs {
+    /// In ascending order.
+    pub pairs: Vec<Eigenpair>,
+    /// Whether these are all that were asked for or that there are; else iteration stalled,
+    /// and these are those that had converged.
+    pub is_converged: bool,
+}
+
 /// The part of an eigenvector that may be wrong; of an eigenvalue it is the square.
 const ACCURACY: f64 = 1e-9;
 /// Rounds until iteration counts as stalled.
@@ -44,12 +55,12 @@ const DEPENDENT: f64 = 1e-11;
 ///
 /// # Errors
 ///
-/// Those of `shifted_inverse`, and [`SolveError::NotConverged`].
+/// Those of `shifted_inverse`.
 pub fn lowest_eigenpairs(
     pencil: &mut Pencil<'_>,
     count: usize,
     block: usize,
-) -> Result<Vec<Eigenpair>, SolveError> {
+) -> Result<LowestEigenpairs, SolveError> {
     let block = block.clamp(1, pencil.n.max(1));
     let mut krylov = Krylov::default();
     let mut random = Random(0x9e37_79b9_7f4a_7c15);
@@ -76,7 +87,10 @@ pub fn lowest_eigenpairs(
             .filter(|residual| residual.part > ACCURACY)
             .collect();
         if open.is_empty() && (wanted == count || (!is_new && is_by_chance)) {
-            return Ok(krylov.pairs(pencil, &ritz, wanted));
+            return Ok(LowestEigenpairs {
+                pairs: krylov.pairs(pencil, ritz[..wanted].iter()),
+                is_converged: true,
+            });
         }
         if is_new && krylov.basis.len() < most {
             candidates = krylov.images[before..].to_vec();
@@ -100,7 +114,15 @@ pub fn lowest_eigenpairs(
             krylov.restart(&ritz, count + block);
         }
     }
-    Err(SolveError::NotConverged)
+    let ritz = krylov.ritz();
+    let wanted = count.min(ritz.len());
+    let residuals = krylov.residuals(pencil, &ritz, wanted);
+    let with_residuals = ritz.iter().zip(&residuals);
+    let converged = with_residuals.filter(|(_, residual)| residual.part <= ACCURACY);
+    Ok(LowestEigenpairs {
+        pairs: krylov.pairs(pencil, converged.map(|(one, _)| one)),
+        is_converged: false,
+    })
 }
 
 /// x becomes (K − σM)⁻¹ M x.
@@ -177,10 +199,9 @@ impl Krylov {
     fn ritz(&self) -> Vec<Ritz> {
         let m = self.basis.len();
         let matrix = Mat::from_fn(m, m, |i, j| self.products[i.max(j)][i.min(j)]);
-        let Ok(solved) = matrix.self_adjoint_eigen(Side::Lower) else {
+        let Ok((values, vectors)) = symmetric_eigenpairs(matrix) else {
             return Vec::new();
         };
-        let (values, vectors) = (solved.S().column_vector(), solved.U());
         let pairs = (0..m).rev().map(|k| Ritz {
             theta: values[k],
             coordinates: (0..m).map(|i| vectors[(i, k)]).collect(),
@@ -221,7 +242,11 @@ impl Krylov {
         self.products = products.collect();
     }
 
-    fn pairs(&self, pencil: &Pencil<'_>, ritz: &[Ritz], wanted: usize) -> Vec<Eigenpair> {
+    fn pairs<'r>(
+        &self,
+        pencil: &Pencil<'_>,
+        ritz: impl Iterator<Item = &'r Ritz>,
+    ) -> Vec<Eigenpair> {
         let mut image = vec![0.0; pencil.n];
         let pair = |one: &Ritz| {
             let mut vector = combine(&self.images, &one.coordinates);
@@ -234,7 +259,7 @@ impl Krylov {
                 vector,
             }
         };
-        let mut pairs: Vec<Eigenpair> = ritz[..wanted].iter().map(pair).collect();
+        let mut pairs: Vec<Eigenpair> = ritz.map(pair).collect();
         pairs.sort_by(|a, b| a.value.total_cmp(&b.value));
         pairs
     }

@@ -13,7 +13,8 @@
 //! threads, with the same bits for any number of them.
 //!
 //! [`Indefinite`] makes factors L D Lᵀ of matrices that may be indefinite or singular, and
-//! counts their pivots; [`lowest_eigenpairs`] finds eigenpairs with any of them.
+//! counts their pivots; [`lowest_eigenpairs`] finds some eigenpairs with any of them, and [`all_eigenpairs`] all, with
+//! dense matrices.
 //!
 //! Matrices are given as one symmetric block per block row, packed as
 //! (xx, xy, xz, yy, yz, zz), and one block per coupled pair: six numbers likewise
@@ -23,6 +24,7 @@
 
 mod block;
 mod core;
+mod dense;
 mod direct;
 mod eigenpairs;
 mod interrupt;
@@ -35,8 +37,9 @@ mod storage;
 mod strategy;
 mod subspace;
 
+pub use dense::all_eigenpairs;
 pub use direct::{Indefinite, Inertia};
-pub use eigenpairs::{Eigenpair, Pencil, lowest_eigenpairs};
+pub use eigenpairs::{Eigenpair, LowestEigenpairs, Pencil, lowest_eigenpairs};
 pub use interrupt::Interrupt;
 pub use ordering::elimination_order;
 pub use packing::{OffDiagonal, Packing};
@@ -146,7 +149,7 @@ pub enum SolveError {
     /// It was [asked to stop](Interrupt).
     #[error("interrupted")]
     Interrupted,
-    /// Iteration for eigenpairs stalled.
+    /// Iteration for all eigenpairs of a dense matrix did not converge.
     #[error("iteration for eigenpairs does not converge")]
     NotConverged,
     /// The factor has more entries than can be indexed or stored.

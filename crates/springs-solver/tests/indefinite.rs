@@ -2,7 +2,11 @@
 //! algebra.
 
 use nalgebra::{DMatrix, DVector, Matrix3};
-use springs_solver::{Indefinite, Inertia, Pencil, SolveError, Solver, lowest_eigenpairs};
+use springs_solver::{
+    Indefinite, Inertia, Interrupt, Pencil, SolveError, Solver, all_eigenpairs, lowest_eigenpairs,
+};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 struct Matrix {
     n: usize,
@@ -187,6 +191,17 @@ fn lowest_eigenpairs_equal_dense_ones() {
         let mut expected: Vec<f64> = (condensed / 2.0).symmetric_eigenvalues().data.into();
         expected.sort_by(f64::total_cmp);
 
+        let masses: Vec<f64> = (0..n).map(mass_of).collect();
+        let all = all_eigenpairs(n, |i, j| dense[(i, j)], &masses).unwrap();
+        assert_eq!(all.len(), expected.len());
+        for (pair, expected) in all.iter().zip(&expected) {
+            assert!((pair.value / expected - 1.0).abs() < 1e-12);
+            let x = DVector::from_column_slice(&pair.vector);
+            let inertia = DVector::from_fn(n, |k, _| masses[k] * x[k] * pair.value);
+            assert!((&dense * &x - &inertia).amax() < 1e-12);
+            assert!((x.dot(&inertia) / pair.value - 1.0).abs() < 1e-12);
+        }
+
         let mut solver = Solver::analyze(
             matrix.n,
             &matrix.pairs,
@@ -214,7 +229,9 @@ fn lowest_eigenpairs_equal_dense_ones() {
                 mass: &mass,
                 shifted_inverse: &mut |b| solver.solve_in_place(b, 1e-13),
             };
-            let pairs = lowest_eigenpairs(&mut pencil, count, 6).unwrap();
+            let found = lowest_eigenpairs(&mut pencil, count, 6).unwrap();
+            assert!(found.is_converged);
+            let pairs = found.pairs;
             assert_eq!(pairs.len(), count.min(massive.len()));
             for (pair, expected) in pairs.iter().zip(&expected) {
                 assert!((pair.value / expected - 1.0).abs() < 1e-11);
@@ -224,4 +241,73 @@ fn lowest_eigenpairs_equal_dense_ones() {
             }
         }
     }
+}
+
+/// An inverse that is off by a little cannot lead to precise pairs: what is found says so.
+#[test]
+fn stalled_iteration_gives_what_has_converged() {
+    // Three are found in the first steps: the others stay in the noise.
+    let n = 40;
+    let value_of = |k: usize| match k {
+        0..3 => 1e-9 * (k + 1) as f64,
+        _ => 1.0 + k as f64,
+    };
+    let stiffness = |x: &[f64], y: &mut [f64]| {
+        for (k, (x, y)) in x.iter().zip(y).enumerate() {
+            *y = value_of(k) * x;
+        }
+    };
+    let mass = |x: &[f64], y: &mut [f64]| y.copy_from_slice(x);
+    let mut turn = 0u32;
+    let mut noisy = |b: &mut [f64]| {
+        for (k, b) in b.iter_mut().enumerate() {
+            turn = turn.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            *b = *b / value_of(k)
+                * if k < 3 {
+                    1.0
+                } else {
+                    1.0 + 1e-12 * f64::from(turn)
+                };
+        }
+        Ok(())
+    };
+    let mut pencil = Pencil {
+        n,
+        stiffness: &stiffness,
+        mass: &mass,
+        shifted_inverse: &mut noisy,
+    };
+    let found = lowest_eigenpairs(&mut pencil, 20, 4).unwrap();
+    assert!(!found.is_converged);
+    assert!(found.pairs.len() < 20);
+    for (k, pair) in found.pairs.iter().take(3).enumerate() {
+        assert!(
+            (pair.value / value_of(k) - 1.0).abs() < 1e-9,
+            "{k}: {}",
+            pair.value
+        );
+    }
+}
+
+#[test]
+fn unknowns_without_mass_must_be_held() {
+    let error = all_eigenpairs(2, |i, j| f64::from(i == j && i == 0), &[1.0, 0.0]).unwrap_err();
+    assert_eq!(error, SolveError::NotPositiveDefinite { block: 1 });
+}
+
+/// Asked before or on the way, it ends, and has no matrix then.
+#[test]
+fn a_long_factorization_can_be_interrupted() {
+    let matrix = Matrix::grid(12, 1, 0.0);
+    let flag = Arc::new(AtomicBool::new(true));
+    let mut factor = Indefinite::analyze(matrix.n, &matrix.pairs, None).unwrap();
+    factor.set_interrupt(&Interrupt::from(flag.clone()));
+    let blocks = &matrix.off_diagonal;
+    let taken = factor.set_matrix(&matrix.diagonal, blocks);
+    assert_eq!(taken, Err(SolveError::Interrupted));
+    let mut b = vec![1.0; 3 * matrix.n];
+    assert_eq!(factor.solve_in_place(&mut b), Err(SolveError::NoMatrix));
+    flag.store(false, Ordering::Relaxed);
+    factor.set_matrix(&matrix.diagonal, blocks).unwrap();
+    factor.solve_in_place(&mut b).unwrap();
 }

@@ -1,5 +1,8 @@
 //! Downhill to where forces are balanced.
 
+mod steps;
+
+use self::steps::FIRST_DAMPING;
 use crate::equations::{Equations, Potential, largest, numbers_mut, vectors};
 use crate::{Options, StaticsError};
 use nalgebra::Vector3;
@@ -25,6 +28,12 @@ pub(crate) struct Descent<'a> {
     size: f64,
     /// The last μ that made a matrix positive definite.
     shift: f64,
+    /// Whether less than that did not do.
+    is_indefinite: bool,
+    /// Of the two steps that there are then.
+    prefers_clamped: bool,
+    /// Steps until both are made again.
+    until_comparison: u32,
     /// The last one that was needed for a step to lead down.
     hard: f64,
 }
@@ -39,32 +48,6 @@ struct Point {
     carried: Vec<f64>,
 }
 
-/// What becomes of a step.
-enum Attempt {
-    /// Solved for; and whether it was cut to the reach.
-    Solved(Point, bool),
-    /// Its matrix is not positive definite.
-    Indefinite,
-    /// Newton's method does not converge.
-    Diverged,
-}
-
-/// Newton iterations of a step.
-const MOST_CORRECTIONS: usize = 8;
-/// A step is solved for when the last of them is this part of it.
-const SOLVED: f64 = 0.03;
-/// Iterations must shrink by this much, except the first.
-const CONTRACTION: f64 = 0.7;
-/// μ to begin with, that of which no damping is left, and that of which no step is.
-const FIRST_DAMPING: f64 = 1e-2;
-const LEAST_DAMPING: f64 = 1e-17;
-const MOST_DAMPING: f64 = 1e4;
-/// The same where more of it makes the matrix positive definite.
-const LEAST_SHIFT: f64 = 1e-12;
-const MOST_SHIFT: f64 = 1.0;
-/// What μ is multiplied with after steps that succeed at once, and after those that do not.
-const EASIER: f64 = 0.1;
-const HARDER: f64 = 8.0;
 /// Nothing that is held goes further than this, in sizes of the scene.
 const CARRIED_OFF: f64 = 1e6;
 /// Steps of Newton's method alone at the end.
@@ -77,8 +60,6 @@ const MOST_ROUNDS: usize = 4;
 
 impl<'a> Descent<'a> {
     pub(crate) fn new(equations: Equations<'a>, options: &'a Options) -> Result<Self, SolveError> {
-        let mut solver = equations.solver(options.threads.max(1))?;
-        solver.set_interrupt(&options.interrupt);
         let x = equations.system.initial_positions();
         let first = x.first().copied().unwrap_or_default();
         let (mut low, mut high) = (first, first);
@@ -87,12 +68,15 @@ impl<'a> Descent<'a> {
         }
         let size = (high - low).norm();
         Ok(Self {
-            indefinite: equations.indefinite_solver()?,
+            indefinite: equations.indefinite_solver(options)?,
             size: if size > 0.0 { size } else { 1.0 },
+            solver: equations.solver(options)?,
             equations,
-            solver,
             options,
             shift: 0.0,
+            is_indefinite: false,
+            prefers_clamped: false,
+            until_comparison: 0,
             hard: 0.0,
             iterations: 0,
         })
@@ -200,176 +184,6 @@ impl<'a> Descent<'a> {
         }
         let node = self.equations.system.numbering().node(block);
         Err(StaticsError::CarriedOff { node })
-    }
-
-    /// One step that leads down, with as little damping as allows it; `None` if there is
-    /// none.
-    fn step(
-        &mut self,
-        at: &Point,
-        damping: &mut f64,
-        reach: &mut f64,
-    ) -> Result<Option<Point>, StaticsError> {
-        let mut is_first = true;
-        while *damping < MOST_DAMPING {
-            if let Some((next, is_cut)) = self.best_of(at, *damping, *reach, is_first)? {
-                if is_cut {
-                    *reach *= 2.0;
-                } else if is_first {
-                    *damping *= EASIER;
-                    if *damping < LEAST_DAMPING {
-                        *damping = 0.0;
-                    }
-                } else {
-                    self.hard = *damping;
-                }
-                return Ok(Some(next));
-            }
-            // Where it was hard before, it is likely to be so again.
-            let least = if is_first {
-                self.hard / HARDER
-            } else {
-                LEAST_DAMPING
-            };
-            *damping = (HARDER * *damping).max(least).max(LEAST_DAMPING);
-            is_first = false;
-        }
-        *damping = FIRST_DAMPING;
-        Ok(None)
-    }
-
-    /// The step with the matrix as it is or, where that is not positive definite, the better
-    /// one of two: with negative terms clamped, and with as much more damping as it takes.
-    /// The first is better far out, the second where the equilibrium is left that the matrix
-    /// belongs to, as in buckling. `None` if it does not lead down.
-    fn best_of(
-        &mut self,
-        at: &Point,
-        damping: f64,
-        reach: f64,
-        is_first: bool,
-    ) -> Result<Option<(Point, bool)>, StaticsError> {
-        let mut found = Vec::new();
-        match self.attempt(at, damping, reach, Projection::None)? {
-            Attempt::Indefinite => {
-                if let Attempt::Solved(point, is_cut) =
-                    self.attempt(at, damping, reach, Projection::Clamp)?
-                {
-                    found.push((point, is_cut));
-                }
-                let change = if is_first { 1.0 / HARDER } else { HARDER };
-                self.shift = (self.shift * change).max(HARDER * damping).max(LEAST_SHIFT);
-                while self.shift < MOST_SHIFT {
-                    match self.attempt(at, self.shift, reach, Projection::None)? {
-                        Attempt::Indefinite => self.shift *= HARDER,
-                        Attempt::Solved(point, is_cut) => {
-                            found.push((point, is_cut));
-                            break;
-                        }
-                        Attempt::Diverged => break,
-                    }
-                }
-            }
-            Attempt::Solved(point, is_cut) => found.push((point, is_cut)),
-            Attempt::Diverged => {}
-        }
-        let energy = |one: &(Point, bool)| one.0.potential.energy;
-        let down = found
-            .into_iter()
-            .filter(|(next, _)| self.leads_down(at, next));
-        Ok(down.min_by(|a, b| energy(a).total_cmp(&energy(b))))
-    }
-
-    /// H + μS. Whether it is positive definite.
-    fn factorize(
-        &mut self,
-        at: &Point,
-        damping: f64,
-        scales: &[f64],
-        projection: Projection,
-    ) -> Result<bool, StaticsError> {
-        self.equations
-            .linearize(&at.x, Some(&at.carried), projection);
-        let of_block = |block: usize| damping * scales[block];
-        let diagonal = self.equations.shifted_diagonal(of_block);
-        let off_diagonal = self.equations.off_diagonal();
-        match self.solver.set_matrix(&diagonal, off_diagonal) {
-            Ok(()) => Ok(true),
-            Err(SolveError::NotPositiveDefinite { .. }) => Ok(false),
-            Err(error) => Err(error.into()),
-        }
-    }
-
-    /// Where the step leads.
-    fn attempt(
-        &mut self,
-        start: &Point,
-        damping: f64,
-        reach: f64,
-        projection: Projection,
-    ) -> Result<Attempt, StaticsError> {
-        let system = self.equations.system;
-        let scales = self.equations.scales().to_vec();
-        let mut move_by = vec![Vector3::zeros(); start.x.len()];
-        let mut at = start.clone();
-        let mut most = f64::INFINITY;
-        let mut is_cut = false;
-        for iteration in 0..MOST_CORRECTIONS {
-            if !self.factorize(&at, damping, &scales, projection)? {
-                return Ok(if iteration == 0 {
-                    Attempt::Indefinite
-                } else {
-                    Attempt::Diverged
-                });
-            }
-            let d = &mut move_by[..scales.len()];
-            let moved = at.x.iter().zip(&start.x).map(|(x, start)| x - start);
-            let terms = at.forces.iter().zip(moved).zip(&scales);
-            for (d, ((force, moved), scale)) in d.iter_mut().zip(terms) {
-                *d = force - moved * (damping * scale);
-            }
-            self.solver.solve_in_place(numbers_mut(d), 1e-10)?;
-            self.equations.project(d);
-            let length = largest(d).1;
-            // What is not a number is not shorter.
-            let is_shorter = length <= most;
-            if !is_shorter {
-                return Ok(Attempt::Diverged);
-            }
-            if iteration == 0 && length > reach {
-                is_cut = true;
-                d.iter_mut().for_each(|d| *d *= reach / length);
-            }
-            if iteration > 0 {
-                most = CONTRACTION * length;
-            }
-            let mut carried = vec![0.0; system.n_carried()];
-            system.predict_carried(&at.x, &move_by, 1.0, &mut carried);
-            let x = at.x.iter().zip(&move_by).map(|(x, d)| x + d);
-            at = self.point(x.collect(), carried);
-            let moves: Vec<_> = at.x.iter().zip(&start.x).map(|(x, x0)| x - x0).collect();
-            let is_solved = length <= SOLVED * largest(&moves).1;
-            if is_solved && iteration > 0 || self.leads_down(start, &at) && iteration == 0 {
-                break;
-            }
-        }
-        Ok(Attempt::Solved(at, is_cut))
-    }
-
-    /// Whether the energy decreases or, where rounding hides that, what is left of forces.
-    fn leads_down(&self, at: &Point, next: &Point) -> bool {
-        let change = next.potential.energy - at.potential.energy;
-        let rounding = at.potential.rounding.max(next.potential.rounding);
-        if change < -rounding {
-            return true;
-        }
-        let left = |point: &Point| {
-            let blocks = point.forces.iter().zip(self.equations.scales());
-            blocks
-                .map(|(force, scale)| force.norm_squared() / scale)
-                .sum::<f64>()
-        };
-        change <= rounding && left(next) < 0.5 * left(at)
     }
 
     /// Newton's method itself, to where forces are least. Whether they are balanced there.

@@ -1,10 +1,11 @@
 //! The balance of forces of a system at the time 0.
 
+use crate::Options;
 use nalgebra::{Matrix3, Vector3};
 use springs_assembly::{
     Evaluation, Linearization, OffDiagonal, PACKED, Projection, System, Weights,
 };
-use springs_solver::{Packing, SolveError, Solver};
+use springs_solver::{Indefinite, Packing, SolveError, Solver};
 
 /// Forces may be left up to this part of the largest one.
 const BALANCED: f64 = 1e-10;
@@ -200,7 +201,13 @@ impl<'a> Equations<'a> {
     }
 
     /// A solver of systems with this pattern whose matrix is positive definite.
-    pub(crate) fn solver(&self, threads: usize) -> Result<Solver, SolveError> {
+    pub(crate) fn solver(&self, options: &Options) -> Result<Solver, SolveError> {
+        let mut solver = self.analyzed(options.threads.max(1))?;
+        solver.set_interrupt(&options.interrupt);
+        Ok(solver)
+    }
+
+    fn analyzed(&self, threads: usize) -> Result<Solver, SolveError> {
         let options = springs_solver::Options {
             positions: Some(self.positions()),
             threads,
@@ -215,10 +222,10 @@ impl<'a> Equations<'a> {
     }
 
     /// The same where it may be anything.
-    pub(crate) fn indefinite_solver(&self) -> Result<springs_solver::Indefinite, SolveError> {
+    pub(crate) fn indefinite_solver(&self, options: &Options) -> Result<Indefinite, SolveError> {
         let (pairs, positions) = (self.system.pattern().pairs(), self.positions());
-        let mut solver =
-            springs_solver::Indefinite::analyze(self.n_free(), pairs, Some(positions))?;
+        let mut solver = Indefinite::analyze(self.n_free(), pairs, Some(positions))?;
+        solver.set_interrupt(&options.interrupt);
         // Slack cables have none of the stiffness that they may have.
         solver.set_sizes(&self.bounds);
         Ok(solver)

@@ -42,6 +42,12 @@ pub enum StaticsError {
     /// A path needs loads.
     #[error("there are no loads that a path could follow")]
     NoLoads,
+    /// Loads begin later.
+    #[error(
+        "all loads are zero at time 0, and statics takes them as they are then: there are none \
+         that a path could follow"
+    )]
+    NoLoadsYet,
     /// A node without mass has no stiffness that would make it follow the others.
     #[error("node {node} has no mass, and nothing holds it in all directions")]
     LooseMasslessNode {
@@ -96,6 +102,7 @@ impl StaticsError {
             }
             Self::NotFinite { .. } => Some("look at the units of positions and stiffnesses"),
             Self::NoLoads => Some("add `loads`; the path multiplies them by its load factor"),
+            Self::NoLoadsYet => Some("leave their `over_time` out, or shift its times"),
             Self::LooseMasslessNode { .. } | Self::NoMass => Some("give it a mass"),
             _ => None,
         }

@@ -82,7 +82,15 @@ pub fn trace(
     let loads = equations.loads().to_vec();
     let total: f64 = loads.iter().map(Vector3::norm).sum();
     if total == 0.0 {
-        return Err(StaticsError::NoLoads);
+        let are_later = scene
+            .loads
+            .iter()
+            .any(|load| load.force != Vector3::zeros());
+        return Err(if are_later {
+            StaticsError::NoLoadsYet
+        } else {
+            StaticsError::NoLoads
+        });
     }
     equations.factor = 0.0;
     let mut x = system.initial_positions().to_vec();

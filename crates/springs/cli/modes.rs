@@ -2,9 +2,9 @@
 
 use super::signals::Signals;
 use super::statics::{StaticsArguments, equilibrium_files, sentence};
-use super::{Ending, Unwritten};
+use super::{Ending, Unwritten, say_advised};
 use springs::inspect::count;
-use springs::io::{MODES, ModesReport, SHAPES, write_modes};
+use springs::io::{MODES, ModesReport, NotFound, SHAPES, SettleReport, write_modes};
 use springs::statics::{modes, settle};
 
 #[derive(clap::Args)]
@@ -34,8 +34,16 @@ pub(crate) fn modes_command(arguments: &ModesArguments) -> anyhow::Result<Ending
     let positions = &equilibrium.positions;
     write_modes(&folder.path, &found.frequencies, positions, &found.shapes)
         .map_err(Unwritten::from)?;
+    let (given, all) = (found.frequencies.len(), found.n_all);
+    let missing = (!found.is_complete).then(|| {
+        let wanted = all.min(arguments.n as usize);
+        format!("only {given} of {wanted} modes were found, and others may lie between them")
+    });
     folder.report(&ModesReport {
-        equilibrium: work.report_of(&equilibrium),
+        equilibrium: SettleReport {
+            failure: missing.clone().map(|reason| NotFound { reason }),
+            ..work.report_of(&equilibrium)
+        },
         modes: found.frequencies.len(),
         all_modes: found.n_all,
         negative_modes: found.n_negative,
@@ -51,7 +59,6 @@ pub(crate) fn modes_command(arguments: &ModesArguments) -> anyhow::Result<Ending
     };
     work.say(about);
     work.say(&sentence(&equilibrium));
-    let (given, all) = (found.frequencies.len(), found.n_all);
     work.say(&format!(
         "{given} of {}, {} growing and {} without resistance",
         count(all, "mode"),
@@ -60,5 +67,11 @@ pub(crate) fn modes_command(arguments: &ModesArguments) -> anyhow::Result<Ending
     ));
     let (into, files) = (folder.path.display(), written.join(", "));
     work.say(&format!("{files} written into {into}"));
-    Ok(Ending::Done)
+    Ok(match missing {
+        None => Ending::Done,
+        Some(missing) => {
+            say_advised(&missing, Some("ask for fewer of them"));
+            Ending::Failed
+        }
+    })
 }

@@ -1,9 +1,10 @@
 //! `springs new`: print a scene file.
 
 use super::{Advised, Ending, print};
-use springs::io::scene_to_string;
+use springs::io::{read_points, scene_to_string};
 use springs::scene::generate::{self, Material};
 use springs::scene::{Method, RunOptions, Scene, StepControl, Vector3};
+use std::path::PathBuf;
 
 #[derive(clap::Args)]
 pub(crate) struct NewArguments {
@@ -37,6 +38,17 @@ enum Kind {
         #[command(flatten)]
         options: Options,
     },
+    /// An elastic network: springs between all points that are near, without gravity
+    Network {
+        /// A table of points: rows of x, y, z in m
+        #[arg(value_name = "POINTS.csv")]
+        points: PathBuf,
+        /// The largest distance that a spring spans, in m
+        #[arg(long, value_name = "R")]
+        cutoff: f64,
+        #[command(flatten)]
+        options: Options,
+    },
 }
 
 /// 100 million; a scene file of that size has about 10 GB.
@@ -44,10 +56,10 @@ const MOST_NODES: i64 = 100_000_000;
 
 #[derive(clap::Args)]
 struct Options {
-    /// Stiffness of every spring in N/m [default: chain 1e4·N, cloth 1e3, block 1e4]
+    /// Stiffness of every spring in N/m [default: chain 1e4·N, cloth 1e3, block and network 1e4]
     #[arg(long, value_name = "K")]
     stiffness: Option<f64>,
-    /// Total mass in kg [default: chain and cloth 1, block 10]
+    /// Total mass in kg [default: chain and cloth 1, block and network 10]
     #[arg(long, value_name = "M")]
     mass: Option<f64>,
     /// Damping of every spring in N·s/m [default: 0]
@@ -56,7 +68,7 @@ struct Options {
     /// Length of the chain, or of an edge, in m [default: 1]
     #[arg(long, value_name = "L")]
     size: Option<f64>,
-    /// Gravity in m/s² [default: 0,0,-9.81]
+    /// Gravity in m/s² [default: 0,0,-9.81; of a network none]
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = vector)]
     gravity: Option<Vector3<f64>>,
     /// Move every free node by a random amount up to this, in m
@@ -150,6 +162,22 @@ pub(crate) fn new(arguments: &NewArguments) -> anyhow::Result<Ending> {
         Kind::Block { nodes, options } => {
             let material = options.material(Material::of_block());
             (generate::block(*nodes as usize, material), options)
+        }
+        Kind::Network {
+            points,
+            cutoff,
+            options,
+        } => {
+            if options.size.is_some() {
+                return Err(Advised {
+                    message: "a network has the size of its points".to_owned(),
+                    advice: Some("leave --size out".to_owned()),
+                }
+                .into());
+            }
+            let points = read_points(points)?;
+            let material = options.material(Material::of_block());
+            (generate::network(&points, *cutoff, material), options)
         }
     };
     options.apply(&mut scene);

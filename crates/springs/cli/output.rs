@@ -7,7 +7,7 @@ use springs::io::{
 };
 use springs::scene::{RunOptions, Scene};
 use springs::sinks::{Marks, SINKS, Sinks};
-use springs::step::{Account, Frame};
+use springs::step::{Account, Frame, Samples};
 use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 
@@ -231,6 +231,14 @@ impl Output {
 
     pub(crate) fn wants_members(&self) -> bool {
         self.sinks.wants_members()
+    }
+
+    pub(crate) fn wants_samples(&self) -> bool {
+        self.sinks.want_samples()
+    }
+
+    pub(crate) fn samples(&mut self, samples: Samples<'_>) -> Result<(), Unwritten> {
+        Ok(self.sinks.samples(samples)?)
     }
 
     pub(crate) fn account(&mut self, account: &Account) -> Result<(), Unwritten> {

@@ -7,11 +7,12 @@ use super::source::SceneArguments;
 use super::statics::sentence;
 use super::view::invitation;
 use super::watcher::{Watcher, progress_bar};
-use super::{Ending, Unwritten, say, say_advised, say_error, summary};
+use super::{Advised, Ending, Unwritten, say, say_advised, say_error, summary};
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use indicatif::ProgressBar;
 use springs::io::{
-    Checkpoint, Report, RunEnd, RunPlan, SinkKind, WriteError, scene_to_string, write_checkpoint,
+    Checkpoint, PROBES, Report, RunEnd, RunPlan, SinkKind, WriteError, scene_to_string,
+    write_checkpoint,
 };
 use springs::report::{self, Timings, TurnedOver, report};
 use springs::scene::{RunOptions, Scene};
@@ -29,10 +30,10 @@ pub(crate) struct RunArguments {
     /// Folder to write into [default: the scene's name without its ending; `scene` for standard input]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Number of equal time intervals between frames [default: 60 a second]
+    /// Number of equal time intervals between frames [default: that of the scene, or 60 a second]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     frames: Option<u32>,
-    /// What to write besides final.ron and report.json
+    /// What to write besides final.ron and report.json, in place of what the scene asks for
     #[arg(long, value_name = "WHAT", value_delimiter = ',', value_parser = outputs())]
     write: Vec<String>,
     /// End with view.html, a page to look at the run in a browser; as `--write view`
@@ -53,6 +54,33 @@ pub(crate) struct RunArguments {
 fn outputs() -> PossibleValuesParser {
     let value = |kind: &&dyn SinkKind| PossibleValue::new(kind.name()).help(kind.about());
     PossibleValuesParser::new(SINKS.iter().map(value))
+}
+
+impl RunArguments {
+    /// The names of what is to be written.
+    fn outputs(&self, scene: &Scene) -> Result<Vec<String>, Advised> {
+        let asked = if self.write.is_empty() {
+            &scene.output.write
+        } else {
+            &self.write
+        };
+        let mut names = asked.clone();
+        if self.view {
+            names.push(View.name().to_owned());
+        }
+        if !scene.output.probes.is_empty() {
+            names.push(PROBES.to_owned());
+        } else if names.iter().any(|name| name == PROBES) {
+            return Err(Advised {
+                message: "the scene has no probes to write".to_owned(),
+                advice: Some(
+                    "give it some, such as output: (probes: [(node: 1, of: [Position])])"
+                        .to_owned(),
+                ),
+            });
+        }
+        Ok(names)
+    }
 }
 
 /// A run on its way.
@@ -102,10 +130,11 @@ pub(crate) fn run(arguments: &RunArguments) -> anyhow::Result<Ending> {
     }
     let islands = Islands::with_options(&source.scene, &source.options)
         .map_err(|error| source.advised(&error))?;
-    let intervals = match arguments.frames {
+    let intervals = match arguments.frames.or(source.scene.output.frames) {
         Some(frames) => frames as usize,
         None => default_intervals(&source.scene),
     };
+    let names = arguments.outputs(&source.scene)?;
     let mut run = Run {
         trials_before: Duration::ZERO,
         turned_over: TurnedOver::default(),
@@ -123,10 +152,6 @@ pub(crate) fn run(arguments: &RunArguments) -> anyhow::Result<Ending> {
         at_the_end: None,
     };
     run.hear_signals();
-    let mut names = arguments.write.clone();
-    if arguments.view {
-        names.push(View.name().to_owned());
-    }
     let output = Output::begin(&run.folder, &names, &run.plan(), arguments.force)?;
     run.go(output)
 }

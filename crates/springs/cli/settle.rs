@@ -2,7 +2,7 @@
 
 use super::Ending;
 use super::signals::Signals;
-use super::statics::{StaticsArguments, Work, equilibrium_files, sentence};
+use super::statics::{StaticsArguments, Work, equilibrium_files, sentence_from};
 use super::summary::short;
 use springs::io::{PATH, PathReport, PathRow, SettleReport, write_path};
 use springs::statics::{LoadPath, PathEnd, settle, trace};
@@ -54,7 +54,11 @@ pub(crate) fn settle_command(arguments: &SettleArguments) -> anyhow::Result<Endi
         ..work.report_of(&equilibrium)
     })?;
     folder.remove_others(&written);
-    work.say(&sentence(&equilibrium));
+    let start = match path {
+        Some(_) => "at the end of the path",
+        None => "as given",
+    };
+    work.say(&sentence_from(start, &equilibrium));
     if let Some(path) = &path {
         work.say(&limits(path));
     }

@@ -6,6 +6,7 @@ use springs::io::{Finding, Inputs, SceneError, parse_scene_with_inputs, read_tex
 use springs::scene::{
     LinearTolerance, Method, Path as ScenePath, RunOptions, Scene, StepControl, Tangent,
 };
+use springs::sinks::output_problem;
 use springs::statics::{Equilibrium, StaticsError};
 use springs::step::SetupError;
 use std::fs::File;
@@ -178,7 +179,13 @@ impl SceneArguments {
         match problems.into_iter().next() {
             None => {
                 source.replaced = self.replaced();
-                Ok(source)
+                match output_problem(&source.scene) {
+                    None => Ok(source),
+                    Some(problem) => {
+                        let path = ScenePath::Output("write");
+                        Err(source.located(&problem, Some(path), None))
+                    }
+                }
             }
             Some(problem) => Err(Advised {
                 message: format!("on the command line, {problem}"),

@@ -231,13 +231,18 @@ pub(crate) fn equilibrium_files() -> [&'static str; 4] {
 
 /// A line about an equilibrium.
 pub(crate) fn sentence(equilibrium: &Equilibrium) -> String {
+    sentence_from("as given", equilibrium)
+}
+
+/// The same of one that was looked for from a `start`, which is said if it is that.
+pub(crate) fn sentence_from(start: &str, equilibrium: &Equilibrium) -> String {
     let Equilibrium {
         residual,
         iterations,
         ..
     } = equilibrium;
     let how = match iterations {
-        0 => "as given".to_owned(),
+        0 => start.to_owned(),
         1 => "after 1 iteration".to_owned(),
         iterations => format!("after {iterations} iterations"),
     };

@@ -5,7 +5,7 @@ use super::Unwritten;
 use super::output::Output;
 use indicatif::{ProgressBar, ProgressStyle};
 use springs::report::TurnedOver;
-use springs::step::{Account, Frame, Observer, Patience};
+use springs::step::{Account, Frame, Observer, Patience, Samples};
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -95,6 +95,14 @@ impl Observer for Watcher {
 
     fn frame(&mut self, frame: Frame<'_>) -> ControlFlow<()> {
         self.write(|output| output.frame(frame))
+    }
+
+    fn wants_samples(&self) -> bool {
+        self.output.wants_samples()
+    }
+
+    fn samples(&mut self, samples: Samples<'_>) -> ControlFlow<()> {
+        self.write(|output| output.samples(samples))
     }
 
     fn patience(&self) -> Patience {

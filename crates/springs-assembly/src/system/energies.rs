@@ -112,6 +112,14 @@ impl System {
         });
     }
 
+    /// Hands over the energy, in J, of each spring of the scene that has a stiffness, in any
+    /// order.
+    pub fn each_energy(&self, x: &[Vector3<f64>], visit: &mut dyn FnMut(usize, f64)) {
+        for emitter in self.emitters().take(Lines::OTHERS) {
+            emitter.each_energy(x, visit);
+        }
+    }
+
     /// The forces, in N, that supports must bring up against those of the emitters and
     /// loads at a time in s, by block: all of those on fixed blocks, and the part across
     /// its guide on a guided one. Neither the weight of fixed blocks is among them, nor
@@ -124,17 +132,49 @@ impl System {
         carried: Option<&[f64]>,
     ) -> Vec<(usize, Vector3<f64>)> {
         let n_free = self.n_free();
-        let mut forces = vec![Vector3::zeros(); self.numbering.n_nodes()];
-        self.each_with_its(carried, |_, emitter, carried| {
-            emitter.add_forces_on_all(x, v, n_free, carried, &mut forces);
-            emitter.add_loads_on_all(time, &mut forces);
-        });
+        let forces = self.forces_on_all(time, x, v, carried);
         let mut along = forces.clone();
         self.guides.project(&mut along);
         let guided = self.guides.blocks();
         let guided = guided.map(|block| (block, along[block] - forces[block]));
         let fixed = (n_free..forces.len()).map(|block| (block, -forces[block]));
         guided.chain(fixed).collect()
+    }
+
+    /// As [`Self::forces`], with the numbers that a method [carried](Self::carried) in place
+    /// of those at `x`.
+    ///
+    /// # Panics
+    ///
+    /// If `forces` is shorter than the number of free blocks.
+    pub fn forces_of_carried(
+        &self,
+        time: f64,
+        (x, v): (&[Vector3<f64>], &[Vector3<f64>]),
+        carried: &[f64],
+        forces: &mut [Vector3<f64>],
+    ) {
+        let on_all = self.forces_on_all(time, x, v, Some(carried));
+        let forces = &mut forces[..self.n_free()];
+        forces.copy_from_slice(&on_all[..self.n_free()]);
+        self.guides.project(forces);
+    }
+
+    /// Those of all emitters on all blocks, in N.
+    fn forces_on_all(
+        &self,
+        time: f64,
+        x: &[Vector3<f64>],
+        v: &[Vector3<f64>],
+        carried: Option<&[f64]>,
+    ) -> Vec<Vector3<f64>> {
+        let n_free = self.n_free();
+        let mut forces = vec![Vector3::zeros(); self.numbering.n_nodes()];
+        self.each_with_its(carried, |_, emitter, carried| {
+            emitter.add_forces_on_all(x, v, n_free, carried, &mut forces);
+            emitter.add_loads_on_all(time, &mut forces);
+        });
+        forces
     }
 
     /// What [`Self::anchor_power`] changes by, in W, when all blocks move on by `y`,

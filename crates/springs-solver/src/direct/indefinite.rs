@@ -2,11 +2,11 @@
 
 use super::fronts::Fronts;
 use super::pivoting::{Dense, Pivot};
-use crate::SolveError;
 use crate::block::{columns, rows};
 use crate::ordering::best_elimination;
 use crate::packing::{OffDiagonal, Upper};
 use crate::storage::zeros;
+use crate::{Interrupt, SolveError};
 
 /// How many pivots are positive, negative and zero. By Sylvester's law of inertia the
 /// matrix has as many such eigenvalues, as far as zero can be told.
@@ -51,6 +51,7 @@ pub struct Indefinite {
     /// Where scalars are in the front at work.
     position: Vec<u32>,
     has_matrix: bool,
+    interrupt: Interrupt,
 }
 
 /// The pivots of one front, and their columns of L.
@@ -106,7 +107,14 @@ impl Indefinite {
             scales: vec![1.0; n_blocks],
             position: vec![0; 3 * n_blocks],
             has_matrix: false,
+            interrupt: Interrupt::default(),
         })
+    }
+
+    /// Whom to hear while a matrix is factorized: asked to stop, that ends soon with
+    /// [`SolveError::Interrupted`].
+    pub fn set_interrupt(&mut self, interrupt: &Interrupt) {
+        self.interrupt = interrupt.clone();
     }
 
     /// What the diagonal blocks may come to, where that is more than what they are: so that
@@ -124,7 +132,8 @@ impl Indefinite {
     ///
     /// # Errors
     ///
-    /// If there is not enough memory, or an entry of a diagonal block is not finite.
+    /// If there is not enough memory, an entry of a diagonal block is not finite, or it is
+    /// interrupted.
     ///
     /// # Panics
     ///
@@ -199,7 +208,8 @@ impl Indefinite {
                 rows: &mut scalars,
                 limit: Self::ZERO,
             };
-            let pivots = dense.eliminate(n_summed, parent.is_none());
+            let pivots = dense.eliminate(n_summed, parent.is_none(), &self.interrupt);
+            let pivots = pivots.ok_or(SolveError::Interrupted)?;
             let widths = pivots.iter().map(|pivot| pivot.width());
             let n_eliminated: usize = widths.sum();
             if parent.is_some() {

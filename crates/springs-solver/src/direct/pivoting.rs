@@ -1,5 +1,6 @@
 //! Elimination of one dense symmetric front that may be indefinite.
 
+use crate::Interrupt;
 use crate::direct::kernels::subtract_multiple;
 
 /// A pivot is taken if the entries of its column are at most 1/u times as large.
@@ -50,11 +51,19 @@ impl Dense<'_> {
     /// Eliminates as many of the first `n_summed` rows as have a pivot that is large
     /// enough within its column (Duff and Reid, ACM TOMS 9, 1983), which come first then;
     /// those left are for the parent. At a root there is none, and all are eliminated.
-    /// Columns become those of L, below the pivots.
-    pub(crate) fn eliminate(&mut self, n_summed: usize, is_root: bool) -> Vec<Pivot> {
+    /// Columns become those of L, below the pivots. `None` if it is interrupted.
+    pub(crate) fn eliminate(
+        &mut self,
+        n_summed: usize,
+        is_root: bool,
+        interrupt: &Interrupt,
+    ) -> Option<Vec<Pivot>> {
         let mut pivots = Vec::new();
         let (mut k, mut end) = (0, n_summed);
         while k < end {
+            if interrupt.is_requested() {
+                return None;
+            }
             // Small pivots last: they are what rounding of larger ones has left.
             self.swap(k, self.largest_on_diagonal(k, end));
             let width = match self.pivot_at(k, end, n_summed) {
@@ -76,7 +85,7 @@ impl Dense<'_> {
             // What was not large enough may be so now.
             end = n_summed;
         }
-        pivots
+        Some(pivots)
     }
 
     fn largest_on_diagonal(&self, k: usize, end: usize) -> usize {
@@ -213,7 +222,7 @@ mod tests {
             rows: &mut rows,
             limit: 1e-12,
         };
-        let pivots = dense.eliminate(n, true);
+        let pivots = dense.eliminate(n, true, &Interrupt::default()).unwrap();
         let (mut l, mut d) = (DMatrix::identity(n, n), DMatrix::zeros(n, n));
         let mut k = 0;
         let mut negative = 0;

@@ -25,6 +25,11 @@ impl Tensions {
         self.are_known = false;
     }
 
+    /// Those at the start of the next step, if they are known.
+    pub(crate) fn known(&self) -> Option<&[f64]> {
+        self.are_known.then_some(&*self.start)
+    }
+
     /// Springs broke at the start of the next step.
     pub(crate) fn clear_broken(&mut self, system: &System) {
         system.clear_broken(&mut self.start);

@@ -382,6 +382,15 @@ impl Method for TrBdf2 {
         self.response = Response::default();
     }
 
+    fn springs_broke(&mut self, system: &System) {
+        self.tensions.clear_broken(system);
+        self.is_started = false;
+        // Nodes without mass go where the others hold them now.
+        if system.masses().contains(&0.0) {
+            self.restart();
+        }
+    }
+
     fn step(
         &mut self,
         system: &System,
@@ -396,7 +405,14 @@ impl Method for TrBdf2 {
             let start = interval.start;
             self.stage
                 .settle_massless(system, (start, h), state, work)?;
-            system.forces(start, &state.x, &state.v, &mut self.forces[0]);
+            let forces = &mut self.forces[0];
+            match self.tensions.known() {
+                // Where springs broke, the others keep theirs.
+                Some(tensions) => {
+                    system.forces_of_carried(start, (&state.x, &state.v), tensions, forces);
+                }
+                None => system.forces(start, &state.x, &state.v, forces),
+            }
             work.counts.force_evaluations += 1;
         }
         self.tensions.begin(system, &state.x);

@@ -1,98 +1,258 @@
-//! The frames of a run that are still to come.
+//! The frames of a run that are still to come, and the looks of probes.
 
-use crate::run::observer::Frame;
+use crate::run::observer::{Frame, Samples, either};
+use crate::run::probes::{Probes, Sample};
 use crate::{Archive, Members, NodeStates, Observer};
 use std::ops::ControlFlow;
 
-/// How many frames of how many intervals were shown.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+/// How many frames of how many intervals were shown, and how often those probes looked that
+/// have times of their own.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Shown {
     intervals: u64,
     frames: u64,
+    looks: Vec<u64>,
 }
 
 impl Shown {
     pub(crate) fn archive(&mut self, archive: &mut Archive) {
         archive.word(&mut self.intervals);
         archive.word(&mut self.frames);
+        archive.words(&mut self.looks);
     }
 }
 
-/// The frames still to come.
-pub(crate) struct Frames {
+/// Times at equal distances, 0 the first.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Clock {
     duration: f64,
+    spacing: Spacing,
+    /// The index of the next one.
+    next: u64,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Spacing {
+    /// So many intervals make the duration, which is the last time.
+    Parts(u64),
+    /// In s.
+    Every(f64),
+}
+
+/// A duration is a whole number of intervals if it is that but for so large a part.
+const WHOLE: f64 = 1e-9;
+
+impl Clock {
+    fn parts(duration: f64, intervals: u64) -> Self {
+        Self {
+            duration,
+            spacing: Spacing::Parts(if duration == 0.0 { 0 } else { intervals }),
+            next: 0,
+        }
+    }
+
+    fn every(duration: f64, every: f64) -> Self {
+        let intervals = (duration / every).round();
+        if (intervals * every - duration).abs() <= WHOLE * duration {
+            return Self::parts(duration, intervals as u64);
+        }
+        Self {
+            duration,
+            spacing: Spacing::Every(every),
+            next: 0,
+        }
+    }
+
+    /// The next time; the last one of a whole number of intervals is exactly the duration.
+    fn next_time(&self) -> Option<f64> {
+        let time = match self.spacing {
+            Spacing::Parts(intervals) if self.next >= intervals => {
+                return (self.next == intervals).then_some(self.duration);
+            }
+            Spacing::Parts(intervals) => self.duration * self.next as f64 / intervals as f64,
+            Spacing::Every(every) => every * self.next as f64,
+        };
+        (time <= self.duration).then_some(time)
+    }
+
+    /// Whether a time is the next one, which it is no more.
+    fn take(&mut self, time: f64) -> bool {
+        let is_due = self.next_time().is_some_and(|next| next <= time);
+        self.next += u64::from(is_due);
+        is_due
+    }
+
+    fn skip_to(&mut self, time: f64) {
+        while self.take(time) {}
+    }
+}
+
+/// The frames and looks still to come.
+pub(crate) struct Frames {
+    frames: Clock,
     intervals: usize,
-    next: usize,
+    /// Probes that look at every frame.
+    at_frames: Vec<usize>,
+    /// The others, by when they look.
+    others: Vec<(Clock, Vec<usize>)>,
     pub(crate) between: NodeStates,
 }
 
 /// A frame this close to the end of a step, as a fraction of it, is the end.
 pub(crate) const AT_THE_END: f64 = 1e-9;
 
+/// What there is to be shown at a time.
+pub(crate) struct Due {
+    pub(crate) time: f64,
+    /// The index of the frame.
+    pub(crate) frame: Option<usize>,
+    /// The probes that look, in order.
+    pub(crate) probes: Vec<usize>,
+}
+
+/// What there is to be seen at a time, beside the nodes.
+pub(crate) struct View {
+    pub(crate) members: Option<Members>,
+    pub(crate) samples: Vec<Sample>,
+}
+
 impl Frames {
-    pub(crate) fn new(duration: f64, intervals: usize, nodes: &NodeStates) -> Self {
-        let intervals = if duration == 0.0 { 0 } else { intervals };
+    /// Without the probes if the observer does not want what they tell.
+    pub(crate) fn new(
+        duration: f64,
+        intervals: usize,
+        nodes: &NodeStates,
+        probes: &Probes,
+        observer: &dyn Observer,
+    ) -> Self {
+        let (mut at_frames, mut others) = (Vec::new(), Vec::<(Clock, Vec<usize>)>::new());
+        let all = probes.periods().enumerate();
+        for (probe, every) in all.filter(|_| observer.wants_samples()) {
+            let Some(every) = every else {
+                at_frames.push(probe);
+                continue;
+            };
+            let clock = Clock::every(duration, every);
+            match others.iter_mut().find(|(other, _)| *other == clock) {
+                Some((_, probes)) => probes.push(probe),
+                None => others.push((clock, vec![probe])),
+            }
+        }
         Self {
-            duration,
+            frames: Clock::parts(duration, intervals as u64),
             intervals,
-            next: 0,
+            at_frames,
+            others,
             between: nodes.clone(),
         }
     }
 
-    /// Time of the next frame; the last one is exactly the duration.
+    /// When there is something to be shown next, in s.
     pub(crate) fn next_time(&self) -> Option<f64> {
-        match self.next.cmp(&self.intervals) {
-            std::cmp::Ordering::Less => {
-                Some(self.duration * self.next as f64 / self.intervals as f64)
-            }
-            std::cmp::Ordering::Equal => Some(self.duration),
-            std::cmp::Ordering::Greater => None,
-        }
+        let clocks = self.others.iter().map(|(clock, _)| clock);
+        let times = clocks.chain([&self.frames]).filter_map(Clock::next_time);
+        times.min_by(f64::total_cmp)
     }
 
-    /// Leaves out the frames that were `shown`, or, if those were others, all
-    /// up to `time`.
-    pub(crate) fn go_on(&mut self, shown: Option<Shown>, time: f64) {
+    /// Leaves out what was `shown`, or, if that was something else, all up to `time`.
+    pub(crate) fn go_on(&mut self, shown: Option<&Shown>, time: f64) {
         match shown {
-            Some(shown) if shown.intervals == self.intervals as u64 => {
-                self.next = shown.frames as usize;
+            Some(shown)
+                if shown.intervals == self.intervals as u64
+                    && shown.looks.len() == self.others.len() =>
+            {
+                self.frames.next = shown.frames;
+                for ((clock, _), looks) in self.others.iter_mut().zip(&shown.looks) {
+                    clock.next = *looks;
+                }
             }
             _ if time > 0.0 => {
-                while self.next_time().is_some_and(|next| next <= time) {
-                    self.next += 1;
+                self.frames.skip_to(time);
+                for (clock, _) in &mut self.others {
+                    clock.skip_to(time);
                 }
             }
             _ => {}
         }
     }
 
-    pub(crate) fn is_first(&self) -> bool {
-        self.next == 0
-    }
-
     pub(crate) fn shown(&self) -> Shown {
         Shown {
             intervals: self.intervals as u64,
-            frames: self.next as u64,
+            frames: self.frames.next,
+            looks: self.others.iter().map(|(clock, _)| clock.next).collect(),
         }
     }
 
-    /// Shows the next frame.
+    /// What is to be shown at the next time, if that has come; it is then no more to come.
+    pub(crate) fn take(&mut self, until: f64) -> Option<Due> {
+        let time = self.next_time().filter(|time| *time <= until)?;
+        let index = self.frames.next as usize;
+        let frame = self.frames.take(time).then_some(index);
+        let mut probes = Vec::new();
+        if frame.is_some() {
+            probes.extend(&self.at_frames);
+        }
+        for (clock, of_clock) in &mut self.others {
+            if clock.take(time) {
+                probes.extend(&*of_clock);
+            }
+        }
+        probes.sort_unstable();
+        Some(Due {
+            time,
+            frame,
+            probes,
+        })
+    }
+}
+
+impl Due {
+    /// Shows it.
     pub(crate) fn show(
-        &mut self,
-        time: f64,
+        &self,
         nodes: &NodeStates,
-        members: Option<Members>,
+        view: &View,
         to: &mut dyn Observer,
     ) -> ControlFlow<()> {
-        let index = self.next;
-        self.next += 1;
-        to.frame(Frame {
-            index,
-            time,
-            nodes,
-            members: members.as_ref(),
-        })
+        let time = self.time;
+        let mut shown = ControlFlow::Continue(());
+        if let Some(index) = self.frame {
+            shown = to.frame(Frame {
+                index,
+                time,
+                nodes,
+                members: view.members.as_ref(),
+            });
+        }
+        if !view.samples.is_empty() {
+            let samples = &view.samples;
+            shown = either(shown, to.samples(Samples { time, samples }));
+        }
+        shown
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn times(mut clock: Clock) -> Vec<f64> {
+        let next = || {
+            let time = clock.next_time();
+            clock.next += 1;
+            time
+        };
+        std::iter::from_fn(next).collect()
+    }
+
+    #[test]
+    fn clocks_end_with_the_duration_where_they_meet_it() {
+        assert_eq!(times(Clock::parts(0.3, 3)), [0.0, 0.3 / 3.0, 0.2, 0.3]);
+        assert_eq!(times(Clock::every(0.3, 0.1)), [0.0, 0.3 / 3.0, 0.2, 0.3]);
+        assert_eq!(times(Clock::every(0.25, 0.1)), [0.0, 0.1, 0.2]);
+        assert_eq!(times(Clock::every(0.25, 0.4)), [0.0]);
+        assert_eq!(times(Clock::parts(0.0, 7)), [0.0]);
+        assert_eq!(times(Clock::every(0.0, 0.4)), [0.0]);
     }
 }

@@ -7,6 +7,7 @@ use crate::run::frames::{Frames, Shown};
 use crate::run::members::Supported;
 use crate::run::observer::{either, offer};
 use crate::run::part::{Part, cut};
+use crate::run::probes::Probes;
 use crate::run::simulation::Pause;
 use crate::threads::threads;
 use crate::{
@@ -36,6 +37,7 @@ pub struct Islands {
     sleep: Option<f64>,
     n_springs: usize,
     supported: Supported,
+    probes: Probes,
     time: f64,
     /// Parts are somewhere within a round.
     is_under_way: bool,
@@ -119,6 +121,7 @@ impl Islands {
             sleep: options.sleep,
             n_springs: scene.springs.len(),
             supported: Supported::of(scene),
+            probes: Probes::of(scene),
             time: 0.0,
             is_under_way: false,
             nodes: NodeStates::of(scene),
@@ -309,8 +312,9 @@ impl Islands {
         if self.settle(observer)?.is_break() {
             return Ok(Outcome::Stopped);
         }
-        let mut frames = Frames::new(self.duration(), intervals, &self.nodes);
-        frames.go_on(self.shown, self.time);
+        let (duration, nodes) = (self.duration(), &self.nodes);
+        let mut frames = Frames::new(duration, intervals, nodes, &self.probes, observer);
+        frames.go_on(self.shown.as_ref(), self.time);
         let outcome = self.run_on(&mut frames, observer);
         self.shown = Some(frames.shown());
         outcome
@@ -368,13 +372,13 @@ impl Islands {
         observer: &mut dyn Observer,
     ) -> Result<Outcome, StepError> {
         let duration = self.duration();
-        if observer.wants_members() {
+        let probes_do = observer.wants_samples() && self.probes.want_tensions();
+        if observer.wants_members() || probes_do {
             let simulations = self.parts.iter_mut().map(|part| &mut part.simulation);
             simulations.for_each(crate::Simulation::track_members);
         }
-        if frames.is_first() {
-            let members = self.members_for(observer);
-            let shown = frames.show(0.0, &self.nodes, members, observer);
+        if let Some(due) = frames.take(0.0) {
+            let shown = self.show(&due, observer);
             if either(shown, offer(observer, || self.account())).is_break() {
                 return Ok(Outcome::Stopped);
             }
@@ -386,8 +390,8 @@ impl Islands {
             if self.time >= duration {
                 return Ok(Outcome::Finished);
             }
-            let frame = frames.next_time().unwrap_or(duration);
-            let time = frame.min(self.end_of_round());
+            let shown_next = frames.next_time().unwrap_or(duration);
+            let time = shown_next.min(self.end_of_round());
             if self.advance_to(time, observer.patience())? {
                 self.is_told = false;
             } else if self.interrupt.is_requested()
@@ -401,12 +405,9 @@ impl Islands {
     /// Tells the observer of the round that was made.
     fn tell(&mut self, frames: &mut Frames, observer: &mut dyn Observer) -> ControlFlow<()> {
         self.is_told = true;
-        let is_due = frames.next_time().is_some_and(|time| time <= self.time);
-        let shown = if is_due {
-            let members = self.members_for(observer);
-            frames.show(self.time, &self.nodes, members, observer)
-        } else {
-            ControlFlow::Continue(())
+        let shown = match frames.take(self.time) {
+            Some(due) => self.show(&due, observer),
+            None => ControlFlow::Continue(()),
         };
         let offered = offer(observer, || self.account());
         let stepped = observer.step(self.time, self.steps());

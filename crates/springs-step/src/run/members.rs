@@ -29,7 +29,8 @@ pub struct Reaction {
     pub force: Vector3<f64>,
 }
 
-/// The largest and the least tension of a spring at the ends of steps.
+/// The largest and the least tension of a spring at the ends of steps, at frames, and where a
+/// probe told tensions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Peak {
@@ -168,21 +169,35 @@ impl Track {
         }
     }
 
-    /// At a fraction of the last step, where the nodes are as in `state`; without the
-    /// weight of fixed nodes.
-    pub(crate) fn members(&self, system: &System, fraction: f64, state: &State) -> Members {
-        // What springs carry that steps do not resolve is not what positions between
-        // them say.
-        let carried = self.is_carried.then(|| {
+    /// What springs carry at a fraction of the last step where the method said it: what they
+    /// carry that steps do not resolve is not what positions between them say.
+    fn carried(&self, fraction: f64) -> Option<Vec<f64>> {
+        self.is_carried.then(|| {
             let ends = self.start.iter().zip(&self.end);
             let between = ends.map(|(start, end)| start + (end - start) * fraction);
-            between.collect::<Vec<f64>>()
-        });
-        let carried = carried.as_deref();
+            between.collect()
+        })
+    }
+
+    /// Tensions at a fraction of the last step, where the nodes are as in `state`, in N; they
+    /// count for the peaks.
+    pub(crate) fn tensions(&mut self, system: &System, fraction: f64, state: &State) -> Vec<f64> {
+        let carried = self.carried(fraction);
         let mut tensions = vec![0.0; self.n_springs];
-        system.each_tension(&state.x, carried, &mut |spring, tension| {
+        let (peaks, time) = (&mut self.peaks, state.time);
+        system.each_tension(&state.x, carried.as_deref(), &mut |spring, tension| {
             tensions[spring] = tension;
+            peaks[spring].take(time, tension);
         });
+        tensions
+    }
+
+    /// At a fraction of the last step, where the nodes are as in `state`; without the
+    /// weight of fixed nodes.
+    pub(crate) fn members(&mut self, system: &System, fraction: f64, state: &State) -> Members {
+        let tensions = self.tensions(system, fraction, state);
+        let carried = self.carried(fraction);
+        let carried = carried.as_deref();
         let forces = system.support_forces(state.time, &state.x, &state.v, carried);
         let reactions = forces.into_iter().map(|(block, force)| Reaction {
             node: system.numbering().node(block),

@@ -1,6 +1,6 @@
 //! Who looks on while a simulation runs.
 
-use crate::{Ledger, Members, NodeStates};
+use crate::{Ledger, Members, NodeStates, Sample};
 use springs_assembly::Energy;
 use std::ops::ControlFlow;
 
@@ -16,6 +16,16 @@ pub struct Frame<'a> {
     pub nodes: &'a NodeStates,
     /// What springs and supports carry, if that is [wanted](Observer::wants_members).
     pub members: Option<&'a Members>,
+}
+
+/// What [probes](springs_scene::Probe) tell at one time.
+#[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
+pub struct Samples<'a> {
+    /// In s.
+    pub time: f64,
+    /// Of each probe that looks then, in the order of the scene.
+    pub samples: &'a [Sample],
 }
 
 /// Energies at the end of a step or at the time of a frame.
@@ -74,6 +84,17 @@ pub trait Observer {
         false
     }
 
+    /// Whether the probes of the scene are to look, asked when a run begins or goes on.
+    fn wants_samples(&self) -> bool {
+        false
+    }
+
+    /// Called with what probes tell, if that is wanted, in the order of time, and after the
+    /// frame of the same time.
+    fn samples(&mut self, _samples: Samples<'_>) -> ControlFlow<()> {
+        ControlFlow::Continue(())
+    }
+
     /// Called after every step, with the simulated time in s and the steps made
     /// since the start.
     ///
@@ -95,8 +116,8 @@ pub trait Observer {
         false
     }
 
-    /// Called with energies, if they are wanted, after [`Self::frame`] or before
-    /// [`Self::step`].
+    /// Called with energies, if they are wanted, after [`Self::frame`] and the samples of
+    /// its time, or before [`Self::step`].
     fn account(&mut self, _account: Account) -> ControlFlow<()> {
         ControlFlow::Continue(())
     }

@@ -5,6 +5,7 @@ mod archive;
 mod breaks;
 mod events;
 mod members;
+mod running;
 mod steps;
 mod substeps;
 mod trials;
@@ -17,12 +18,12 @@ use crate::control::controller::Schedule;
 use crate::control::timetable::Timetable;
 use crate::run::breaks::Break;
 use crate::run::dense_output::DenseOutput;
-use crate::run::frames::{AT_THE_END, Frames, Shown};
+use crate::run::frames::{AT_THE_END, Shown};
 use crate::run::members::{Supported, Track};
-use crate::run::observer::{either, offer};
+use crate::run::probes::Probes;
 use crate::{
-    Archive, Cause, Choice, Flows, Interval, Ledger, Method, MethodError, NodeStates, Observer,
-    Outcome, Patience, SetupError, State, StepError, StepPlan, Stepper, Work,
+    Archive, Cause, Choice, Flows, Interval, Ledger, Method, MethodError, NodeStates, Patience,
+    SetupError, State, StepError, StepPlan, Stepper, Work,
 };
 use springs_assembly::{Compilation, Emitter, Energy, System, compile_with};
 use springs_scene::{RunOptions, Scene};
@@ -80,6 +81,7 @@ pub struct Simulation {
     interrupt: Interrupt,
     n_springs: usize,
     supported: Supported,
+    probes: Probes,
     /// Tensions and their peaks, where somebody wants them.
     track: Option<Track>,
     /// Whether it is still to be found out what breaks at the end of the last step.
@@ -229,6 +231,7 @@ impl Simulation {
             interrupt: Interrupt::default(),
             n_springs: scene.springs.len(),
             supported: Supported::of(scene),
+            probes: Probes::of(scene),
             track: None,
             is_end_open: false,
             breaks: Vec::new(),
@@ -317,111 +320,6 @@ impl Simulation {
     pub fn energy(&self) -> Energy {
         let state = self.stepper.state();
         self.stepper.system().energy(&state.x, &state.v)
-    }
-
-    /// Runs to the end, or until the observer, an interrupt or an error stops it,
-    /// and shows the observer `intervals` + 1 frames at equal distances, time 0 and
-    /// the duration included. Frames never change the steps. After a stop it goes
-    /// on, with the frames that are still to come.
-    ///
-    /// The first run begins with the trial runs that the settings leave open.
-    ///
-    /// # Errors
-    ///
-    /// If a step cannot be made, everything up to it stays available; or if trial
-    /// runs settle nothing.
-    pub fn run(
-        &mut self,
-        intervals: usize,
-        observer: &mut dyn Observer,
-    ) -> Result<Outcome, StepError> {
-        let mut frames = Frames::new(self.duration, intervals, &self.nodes);
-        frames.go_on(self.shown, self.stepper.time());
-        let outcome = self.run_on(&mut frames, observer);
-        self.shown = Some(frames.shown());
-        self.stepper.scatter(&mut self.nodes);
-        match outcome {
-            Err(error) if error.cause == Cause::Interrupted => Ok(Outcome::Stopped),
-            other => other,
-        }
-    }
-
-    fn run_on(
-        &mut self,
-        frames: &mut Frames,
-        observer: &mut dyn Observer,
-    ) -> Result<Outcome, StepError> {
-        if self.settle(&mut |steps| observer.trial(steps))?.is_break() {
-            return Ok(Outcome::Stopped);
-        }
-        if observer.wants_members() {
-            self.track_members();
-        }
-        if frames.is_first() {
-            let members = self.members_for(observer, None, 0.0, &self.nodes);
-            let shown = frames.show(0.0, &self.nodes, members, observer);
-            if either(shown, offer(observer, || self.account(0.0))).is_break() {
-                return Ok(Outcome::Stopped);
-            }
-        }
-        loop {
-            if let Some(interval) = self.last.filter(|_| !self.is_told) {
-                let told = self.tell(frames, interval, observer)?;
-                if told.is_break() && !(self.is_told && self.is_finished()) {
-                    return Ok(Outcome::Stopped);
-                }
-            }
-            if self.is_finished() {
-                return Ok(Outcome::Finished);
-            }
-            self.advance()?;
-        }
-    }
-
-    /// Tells the observer of the last step: its frames, its energies, its end.
-    fn tell(
-        &mut self,
-        frames: &mut Frames,
-        interval: Interval,
-        observer: &mut dyn Observer,
-    ) -> Result<ControlFlow<()>, StepError> {
-        while let Some(time) = frames.next_time() {
-            let fraction = (time - interval.start) / (interval.end - interval.start);
-            if fraction >= 1.0 + AT_THE_END {
-                break;
-            }
-            if self.interrupt.is_requested() {
-                return Ok(ControlFlow::Break(()));
-            }
-            self.stepper.scatter(&mut self.nodes);
-            let stops = if fraction >= 1.0 - AT_THE_END {
-                self.end_step();
-                let members = self.members_for(observer, Some(interval), time, &self.nodes);
-                let shown = frames.show(time, &self.nodes, members, observer);
-                either(shown, offer(observer, || self.account(time)))
-            } else {
-                let mut between = std::mem::take(&mut frames.between);
-                let made = self.evaluate(interval, time, &mut between);
-                let stops = made.map(|()| {
-                    let members = self.members_for(observer, Some(interval), time, &between);
-                    let shown = frames.show(time, &between, members, observer);
-                    let account = || self.account_between(interval, time, &between);
-                    either(shown, offer(observer, account))
-                });
-                frames.between = between;
-                stops?
-            };
-            if stops.is_break() {
-                return Ok(stops);
-            }
-        }
-        self.end_step();
-        self.is_told = true;
-        let offered = offer(observer, || self.account(interval.end));
-        Ok(either(
-            offered,
-            observer.step(interval.end, self.stepper.steps()),
-        ))
     }
 
     /// Steps until `time` lies within the last step, and gives the state then; or

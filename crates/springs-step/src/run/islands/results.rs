@@ -1,27 +1,64 @@
 //! What springs and supports carry, and what broke, from all parts.
 
 use super::Islands;
+use crate::run::frames::{Due, View};
 use crate::run::members::Gathered;
+use crate::run::probes::{SpringValues, Wanted};
 use crate::{Break, Members, Observer, Part, Peak};
 use springs_scene::Scene;
+use std::ops::ControlFlow;
 
 impl Islands {
-    /// What springs and supports carry now, if the observer wants it.
-    pub(super) fn members_for(&self, observer: &dyn Observer) -> Option<Members> {
-        observer.wants_members().then(|| {
-            let mut gathered = Gathered::new(self.n_springs);
-            for part in &self.parts {
-                let members = part.simulation.members_at(self.time, &part.state);
-                gathered.add(members, &part.island.nodes, &part.island.springs);
-            }
-            let mut members = gathered.finish();
-            self.supported.add_to(self.time, &mut members.reactions);
-            members
-        })
+    /// Shows what is due now.
+    pub(super) fn show(&mut self, due: &Due, observer: &mut dyn Observer) -> ControlFlow<()> {
+        let has_members = due.frame.is_some() && observer.wants_members();
+        let wanted = self.probes.wanted(due.probes.iter().copied());
+        let springs = self.spring_values(wanted);
+        let view = View {
+            members: has_members.then(|| self.members()),
+            samples: self.probes.look(&due.probes, &self.nodes, &springs),
+        };
+        due.show(&self.nodes, &view, observer)
     }
 
-    /// The largest and the least tension of each spring at the ends of steps, where an
-    /// observer [wanted](Observer::wants_members) members; else nothing.
+    /// What springs and supports carry now.
+    fn members(&mut self) -> Members {
+        let mut gathered = Gathered::new(self.n_springs);
+        for part in &mut self.parts {
+            let members = part.simulation.members_at(self.time, &part.state);
+            gathered.add(members, &part.island.nodes, &part.island.springs);
+        }
+        let mut members = gathered.finish();
+        self.supported.add_to(self.time, &mut members.reactions);
+        members
+    }
+
+    /// What springs give now, as far as it is wanted.
+    fn spring_values(&mut self, wanted: Wanted) -> SpringValues {
+        let room = |is_wanted| vec![0.0; if is_wanted { self.n_springs } else { 0 }];
+        let mut values = SpringValues {
+            tensions: room(wanted.tensions),
+            energies: room(wanted.energies),
+        };
+        for part in &mut self.parts {
+            let of_part = part
+                .simulation
+                .spring_values_at(wanted, self.time, &part.state);
+            let both = [
+                (&mut values.tensions, of_part.tensions),
+                (&mut values.energies, of_part.energies),
+            ];
+            for (all, of_part) in both {
+                for (&spring, value) in part.island.springs.iter().zip(of_part) {
+                    all[spring] = value;
+                }
+            }
+        }
+        values
+    }
+
+    /// The largest and the least tension of each spring as [`crate::Simulation::peaks`] has
+    /// them; nothing where they are not kept.
     pub fn peaks(&self) -> Vec<Peak> {
         let of_parts = self.parts.iter().map(|part| part.simulation.peaks());
         if of_parts.map(<[Peak]>::len).sum::<usize>() < self.n_springs {

@@ -1,0 +1,91 @@
+//! Loads of a scene file, and the groups of nodes that they act on.
+
+use crate::csv_rows::read_rows;
+use crate::motions::vector;
+use crate::read::{Findings, find_named};
+use crate::scene_file::{List, LoadEntry, NodeIndex, NodesEntry, OverTimeEntry};
+use springs_scene::{Load, OverTime, Path as ScenePath, printable};
+
+/// Groups of nodes by their names.
+pub(crate) struct Groups(Vec<(String, Vec<usize>)>);
+
+impl Groups {
+    /// Adds nodes that are not there to `findings`.
+    pub(crate) fn new(
+        entries: Vec<(String, List<NodeIndex>)>,
+        n_nodes: usize,
+        findings: &mut Findings<'_>,
+    ) -> Self {
+        let mut groups = Vec::with_capacity(entries.len());
+        for (index, (name, nodes)) in entries.into_iter().enumerate() {
+            let nodes: Vec<usize> = nodes.0.iter().map(|index| index.0).collect();
+            if let Some(missing) = nodes.iter().find(|&&node| node >= n_nodes) {
+                let name = printable(&name);
+                let message = format!(
+                    "group `{name}` has node {missing}, but the scene has {n_nodes} of them"
+                );
+                let advice = Some("nodes are counted from 0");
+                findings.push(ScenePath::Group(index), message, advice);
+            }
+            groups.push((name, nodes));
+        }
+        Self(groups)
+    }
+
+    /// The nodes of an entry at that path; none of a group that is not there, which is added
+    /// to `findings`.
+    pub(crate) fn nodes(
+        &self,
+        entry: NodesEntry,
+        path: ScenePath,
+        findings: &mut Findings<'_>,
+    ) -> Vec<usize> {
+        match entry {
+            NodesEntry::Indices(nodes) => nodes,
+            NodesEntry::Group(name) => {
+                let known = self.0.iter().map(|(name, _)| name.as_str());
+                let found = find_named("group", &name, known, path, findings);
+                found.map_or(Vec::new(), |group| self.0[group].1.clone())
+            }
+        }
+    }
+}
+
+/// The load of this index of a scene file of this name. Adds what is wrong to `findings`.
+pub(crate) fn load(
+    index: usize,
+    entry: LoadEntry,
+    groups: &Groups,
+    file: &str,
+    findings: &mut Findings<'_>,
+) -> Load {
+    let path = ScenePath::Load(index, Some("nodes"));
+    Load {
+        nodes: groups.nodes(entry.nodes, path, findings),
+        force: vector(entry.force),
+        over_time: match entry.over_time {
+            OverTimeEntry::Constant => OverTime::Constant,
+            OverTimeEntry::Ramp { from, to } => OverTime::Ramp {
+                from: from.0,
+                to: to.0,
+            },
+            OverTimeEntry::Sine { frequency, phase } => OverTime::Sine {
+                frequency: frequency.0,
+                phase: phase.0,
+            },
+            OverTimeEntry::Table(points) => {
+                let points = points.0.iter().map(|point| point.0.map(|real| real.0));
+                OverTime::Table(points.collect())
+            }
+            OverTimeEntry::Csv(name) => {
+                let points = read_rows(file, &name).unwrap_or_else(|message| {
+                    let path = ScenePath::Load(index, Some("over_time"));
+                    let advice = "it needs rows of time, factor with a comma between them";
+                    findings.push(path, message, Some(advice));
+                    vec![[0.0, 0.0]]
+                });
+                OverTime::Table(points)
+            }
+        },
+    }
+}
