@@ -225,7 +225,7 @@ fn everything_wrong_is_told_at_once() {
         .map(|finding| finding.path.as_str())
         .collect();
     let expected = [
-        "materials[0].EA",
+        "materials.a.EA",
         "springs[0]",
         "springs[1].material",
         "springs[2].E",

@@ -107,13 +107,12 @@ fn what_they_tell_is_the_motion_to_the_order_of_the_method() {
                     off = off.max((value - expected).abs());
                 }
             }
-            let at = |intervals: i32| -> Vec<f64> {
-                let parts = (0..=intervals).map(f64::from);
-                parts
-                    .map(|k| scene.settings.duration * k / f64::from(intervals))
-                    .collect()
-            };
-            assert_eq!(times, [at(200), at(70)], "{method}");
+            let duration = scene.settings.duration;
+            let every = scene.output.probes[0].every.unwrap();
+            let mut own: Vec<f64> = (0..200).map(|k| every * f64::from(k)).collect();
+            own.push(duration);
+            let frames = (0..=70).map(|k| duration * f64::from(k) / 70.0);
+            assert_eq!(times, [own, frames.collect()], "{method}");
             off
         };
         let order = properties(method).unwrap().order.min(6);

@@ -33,10 +33,10 @@ struct Clock {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Spacing {
-    /// So many intervals make the duration, which is the last time.
+    /// So many intervals make the duration.
     Parts(u64),
-    /// In s.
-    Every(f64),
+    /// In s; and how many there are up to the duration.
+    Every(f64, u64),
 }
 
 /// A duration is a whole number of intervals if it is that but for so large a part.
@@ -52,27 +52,35 @@ impl Clock {
     }
 
     fn every(duration: f64, every: f64) -> Self {
-        let intervals = (duration / every).round();
-        if (intervals * every - duration).abs() <= WHOLE * duration {
-            return Self::parts(duration, intervals as u64);
-        }
+        let whole = (duration / every).round();
+        let is_whole = (whole * every - duration).abs() <= WHOLE * duration;
+        let intervals = if is_whole {
+            whole
+        } else {
+            (duration / every).floor()
+        };
         Self {
             duration,
-            spacing: Spacing::Every(every),
+            spacing: Spacing::Every(every, intervals as u64),
             next: 0,
         }
     }
 
-    /// The next time; the last one of a whole number of intervals is exactly the duration.
+    /// The next time; one at the duration is exactly that.
     fn next_time(&self) -> Option<f64> {
-        let time = match self.spacing {
-            Spacing::Parts(intervals) if self.next >= intervals => {
-                return (self.next == intervals).then_some(self.duration);
+        let (intervals, time) = match self.spacing {
+            Spacing::Parts(intervals) if self.next == intervals => (intervals, self.duration),
+            Spacing::Parts(intervals) => (
+                intervals,
+                self.duration * self.next as f64 / intervals as f64,
+            ),
+            Spacing::Every(every, intervals) => {
+                let time = every * self.next as f64;
+                let is_end = (time - self.duration).abs() <= WHOLE * self.duration;
+                (intervals, if is_end { self.duration } else { time })
             }
-            Spacing::Parts(intervals) => self.duration * self.next as f64 / intervals as f64,
-            Spacing::Every(every) => every * self.next as f64,
         };
-        (time <= self.duration).then_some(time)
+        (self.next <= intervals).then_some(time)
     }
 
     /// Whether a time is the next one, which it is no more.
@@ -248,8 +256,11 @@ mod tests {
 
     #[test]
     fn clocks_end_with_the_duration_where_they_meet_it() {
-        assert_eq!(times(Clock::parts(0.3, 3)), [0.0, 0.3 / 3.0, 0.2, 0.3]);
-        assert_eq!(times(Clock::every(0.3, 0.1)), [0.0, 0.3 / 3.0, 0.2, 0.3]);
+        assert_eq!(
+            times(Clock::parts(0.3, 3)),
+            [0.0, 0.3 / 3.0, 0.6 / 3.0, 0.3]
+        );
+        assert_eq!(times(Clock::every(0.3, 0.1)), [0.0, 0.1, 0.2, 0.3]);
         assert_eq!(times(Clock::every(0.25, 0.1)), [0.0, 0.1, 0.2]);
         assert_eq!(times(Clock::every(0.25, 0.4)), [0.0]);
         assert_eq!(times(Clock::parts(0.0, 7)), [0.0]);
