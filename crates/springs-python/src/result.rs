@@ -118,7 +118,7 @@ fn energies(py: Python<'_>, columns: [Vec<f64>; ENERGIES.len()]) -> PyResult<Bou
     Ok(energies)
 }
 
-fn json(py: Python<'_>, report: &springs::io::Report) -> PyResult<Py<PyAny>> {
+pub(crate) fn json(py: Python<'_>, report: &impl serde::Serialize) -> PyResult<Py<PyAny>> {
     let text = serde_json::to_string(report).map_err(Fault::system)?;
     Ok(py.import("json")?.call_method1("loads", (text,))?.unbind())
 }

@@ -10,6 +10,7 @@ use super::watcher::{Watcher, progress_bar};
 use super::{Ending, Unwritten, say, say_advised, say_error, summary};
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use indicatif::ProgressBar;
+use springs::inspect::short;
 use springs::io::{
     Checkpoint, Report, RunEnd, RunPlan, SinkKind, WriteError, scene_to_string, write_checkpoint,
 };
@@ -166,7 +167,7 @@ impl Run {
         Ok(match ending {
             report::Ending::Finished => Ending::Done,
             report::Ending::Interrupted => {
-                let time = summary::short(self.islands.time());
+                let time = short(self.islands.time());
                 say_error(&format!(
                     "interrupted at {time} s; everything up to then is written"
                 ));
@@ -316,7 +317,7 @@ impl Run {
         if can_go_on {
             saved.push(CHECKPOINT.to_owned());
         }
-        let time = summary::short(self.islands.time());
+        let time = short(self.islands.time());
         let advice = if saved.is_empty() {
             format!("nothing of the run could be saved; it had come to {time} s")
         } else if can_go_on {

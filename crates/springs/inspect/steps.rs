@@ -1,0 +1,50 @@
+//! Steps of fixed size that are too long for the scene.
+
+use super::vibrations::Vibrations;
+use super::warning::Warnings;
+use springs_step::{Pace, Simulation};
+
+/// Warnings of the part with the fastest vibrations, which has the most to say about
+/// steps.
+pub(super) fn list(simulation: &Simulation, vibrations: &Vibrations, warnings: &mut Warnings) {
+    let (system, choice) = (simulation.system(), simulation.choice());
+    let (Pace::Fixed(h), Some(row)) = (choice.pace, choice.properties()) else {
+        return;
+    };
+    let method = choice.method;
+    let frequency = system.frequency_bound();
+    let node: Vec<usize> = vibrations.highest_node.into_iter().collect();
+    let Some(angle) = row.stable_angle else {
+        if row.order == 1 && h * frequency > 1.0 && frequency.is_finite() {
+            warnings.of_nodes(
+                &node,
+                |named| {
+                    format!(
+                        "the step of {h} s does not resolve the fastest vibrations, at {named}, \
+                         which need less than {:.2e} s; the method damps them out",
+                        1.0 / frequency
+                    )
+                },
+                "choose steps by the error, with a tolerance, if they matter",
+            );
+        }
+        return;
+    };
+    let rate = system.damping_rate_bound();
+    for (bound, what) in [(frequency, "stiffest node"), (rate, "strongest dashpots")] {
+        if h * bound > angle && bound.is_finite() {
+            let allowed = angle / bound;
+            let message = format!(
+                "the step of {h} s may be unstable with {method}: the {what} allow{} {allowed:.2e} s",
+                if what.ends_with('s') { "" } else { "s" },
+            );
+            let suggestion = "shorten it, take an implicit method, or give a tolerance instead";
+            if what == "stiffest node" {
+                warnings.of_nodes(&node, |_| message, suggestion);
+            } else {
+                warnings.general(message, suggestion);
+            }
+            return;
+        }
+    }
+}
