@@ -24,7 +24,7 @@ const RESULTS: [&str; 9] = [
     "view.html",
 ];
 
-const WRITTEN: &str = "--write csv,energy,npz,vtu,pc2,svg,view";
+const WRITTEN: &str = "--write csv,energy,steps,npz,vtu,pc2,svg,view";
 
 fn springs(arguments: &str, folder: &Path) -> Command {
     let mut command = Command::new(SPRINGS);

@@ -7,7 +7,7 @@ use springs::io::{FrameMembers, Mark, RunEnd, RunPlan, SinkKind, TrajectoryFrame
 use springs::scene::generate::{Material, cloth};
 use springs::scene::{BreakLimit, Scene, Vector3};
 use springs::sinks::{Marks, SINKS, Sinks, tension_peaks};
-use springs::step::{Frame, Islands, NodeStates, Observer};
+use springs::step::{Frame, Islands, NodeStates, Observer, StepRecord};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::ControlFlow;
 
@@ -50,6 +50,10 @@ impl Observer for Writer {
     fn account(&mut self, account: springs::step::Account) -> ControlFlow<()> {
         self.sinks.account(&account).unwrap();
         ControlFlow::Continue(())
+    }
+
+    fn record(&mut self, record: &StepRecord) {
+        self.sinks.step(record).unwrap();
     }
 }
 

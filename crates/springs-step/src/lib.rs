@@ -61,6 +61,7 @@ pub use run::islands::Islands;
 pub use run::members::{Members, Peak, Reaction};
 pub use run::observer::{Account, Frame, Observer, Outcome, Patience};
 pub use run::part::Part;
+pub use run::record::StepRecord;
 pub use run::simulation::{Simulation, Switch};
 pub use run::stepper::Stepper;
 pub use state::{NodeStates, State};

@@ -2,9 +2,11 @@
 
 mod check;
 mod checkpoints;
+mod manual;
 mod modes;
 mod new;
 mod output;
+mod progress;
 mod resume;
 mod run;
 mod settle;
@@ -16,7 +18,7 @@ mod summary;
 mod view;
 mod watcher;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory as _, Parser, Subcommand};
 use springs::io::WriteError;
 use springs::scene::printable_within;
 use std::io::Write as _;
@@ -48,6 +50,10 @@ enum Command {
     Study(study::StudyArguments),
     /// Print a scene file: a chain, a cloth or a block.
     New(new::NewArguments),
+    /// Print what makes a shell complete commands.
+    Completions(manual::CompletionArguments),
+    /// Print the manual page.
+    Man,
 }
 
 /// How a command ended, other than by an error.
@@ -102,6 +108,8 @@ pub(crate) fn main() -> ExitCode {
         Command::Check(arguments) => check::check(&arguments),
         Command::Study(arguments) => study::study_command(&arguments),
         Command::New(arguments) => new::new(&arguments),
+        Command::Completions(arguments) => manual::completions(&arguments, Arguments::command()),
+        Command::Man => manual::man(Arguments::command()),
     };
     match ending {
         Ok(Ending::Done) => ExitCode::SUCCESS,

@@ -7,7 +7,7 @@ use springs::io::{
 };
 use springs::scene::{RunOptions, Scene};
 use springs::sinks::{Marks, SINKS, Sinks};
-use springs::step::{Account, Frame};
+use springs::step::{Account, Frame, StepRecord};
 use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 
@@ -227,6 +227,10 @@ impl Output {
     /// What finds no room is kept to be written later.
     pub(crate) fn frame(&mut self, frame: Frame<'_>) -> Result<(), Unwritten> {
         Ok(self.sinks.frame(frame)?)
+    }
+
+    pub(crate) fn step(&mut self, record: &StepRecord) -> Result<(), Unwritten> {
+        Ok(self.sinks.step(record)?)
     }
 
     pub(crate) fn wants_members(&self) -> bool {

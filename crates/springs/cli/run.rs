@@ -2,20 +2,20 @@
 
 use super::checkpoints::{About, Every};
 use super::output::{CHECKPOINT, Output, make_folder};
+use super::progress::{Log, Progress};
 use super::signals::Signals;
 use super::source::SceneArguments;
 use super::statics::sentence;
 use super::view::invitation;
-use super::watcher::{Watcher, progress_bar};
+use super::watcher::Watcher;
 use super::{Ending, Unwritten, say, say_advised, say_error, summary};
 use clap::builder::{PossibleValue, PossibleValuesParser};
-use indicatif::ProgressBar;
 use springs::inspect::short;
 use springs::io::{
     Checkpoint, Report, RunEnd, RunPlan, SinkKind, WriteError, scene_to_string, write_checkpoint,
 };
 use springs::report::{self, Timings, TurnedOver, report};
-use springs::scene::{RunOptions, Scene};
+use springs::scene::{RunOptions, Scene, Start};
 use springs::sinks::{Marks, SINKS, default_intervals, tension_peaks};
 use springs::solver::Interrupt;
 use springs::step::{Islands, Outcome, Patience, StepError};
@@ -42,6 +42,9 @@ pub(crate) struct RunArguments {
     /// Write a checkpoint so often: every 100 (steps), every 0.5s (simulated)
     #[arg(long, value_name = "EVERY")]
     checkpoint: Option<Every>,
+    /// How to tell of the way on standard error; `json`: an object a line for every step, no summary
+    #[arg(long, value_name = "HOW", value_enum, default_value_t)]
+    log: Log,
     /// No progress and no summary
     #[arg(long)]
     quiet: bool,
@@ -85,12 +88,18 @@ pub(crate) fn run(arguments: &RunArguments) -> anyhow::Result<Ending> {
     };
     Output::check(&folder, arguments.scene.path(), arguments.force)?;
     let mut source = arguments.scene.load()?;
+    let progress = Progress::new(arguments.log, arguments.quiet);
+    if source.scene.settings.start == Start::Equilibrium {
+        progress.phase("looking for the equilibrium");
+    }
     match source.start() {
-        Ok(Some(equilibrium)) if !arguments.quiet => {
+        Ok(Some(equilibrium)) if !arguments.quiet && !progress.is_json() => {
+            progress.clear();
             say(&format!("start: {}", sentence(&equilibrium)));
         }
         Ok(_) => {}
         Err(error) => {
+            progress.clear();
             let advised = source.advised_of_statics(&error);
             if !error.is_not_found() {
                 return Err(advised.into());
@@ -99,6 +108,7 @@ pub(crate) fn run(arguments: &RunArguments) -> anyhow::Result<Ending> {
             return Ok(Ending::Failed);
         }
     }
+    progress.phase("setting up");
     let islands = Islands::with_options(&source.scene, &source.options)
         .map_err(|error| source.advised(&error))?;
     let intervals = match arguments.frames {
@@ -126,7 +136,7 @@ pub(crate) fn run(arguments: &RunArguments) -> anyhow::Result<Ending> {
         names.push(View.name().to_owned());
     }
     let output = Output::begin(&run.folder, &names, &run.plan(), arguments.force)?;
-    run.go(output)
+    run.go(output, progress)
 }
 
 /// What came out.
@@ -138,13 +148,14 @@ struct Results {
 
 impl Run {
     /// Simulates to the end, or until something stops it, and writes.
-    pub(super) fn go(mut self, output: Output) -> anyhow::Result<Ending> {
-        let mut watcher = self.watcher(output);
+    pub(super) fn go(mut self, output: Output, mut progress: Progress) -> anyhow::Result<Ending> {
+        progress.begin(self.islands.duration());
+        let mut watcher = self.watcher(output, progress);
         let running = Instant::now();
         let outcome = self.simulate(&mut watcher);
         let others = watcher.writing + self.trial_time();
         watcher.stepping = running.elapsed().saturating_sub(others);
-        watcher.progress.finish_and_clear();
+        watcher.progress.clear();
         let results = match outcome {
             Ok(outcome) => self.complete(&mut watcher, outcome),
             Err(unwritten) => Err(unwritten),
@@ -157,7 +168,8 @@ impl Run {
             Ok(results) => results,
             Err(unwritten) => return Err(self.save_what_fits(&mut watcher, unwritten).into()),
         };
-        if !self.quiet {
+        watcher.progress.end(&report.status, self.islands.time());
+        if !self.quiet && !watcher.progress.is_json() {
             let folder = watcher.output.folder();
             say(&summary::summary(&self.scene, &report, folder, &written));
             if written.contains(&view::FILE) {
@@ -205,15 +217,10 @@ impl Run {
         self.islands.trial_time().saturating_sub(self.trials_before)
     }
 
-    fn watcher(&self, output: Output) -> Watcher {
+    fn watcher(&self, output: Output, progress: Progress) -> Watcher {
         Watcher {
             is_interrupted: self.signals.is_interrupted(),
-            progress: if self.quiet {
-                ProgressBar::hidden()
-            } else {
-                progress_bar()
-            },
-            last_drawn: Instant::now(),
+            progress,
             duration: self.islands.duration(),
             output,
             stepping: Duration::ZERO,

@@ -299,18 +299,18 @@ impl Display for Forecast {
         if let (Some(seconds), Some(step)) = (self.seconds, self.step_seconds) {
             return writeln!(
                 f,
-                "  takes about {} of processor time, {} a step",
+                "  takes roughly {} of processor time, {} a step",
                 time(seconds),
                 time(step)
             );
         }
         if let Some(step) = self.step_seconds {
-            writeln!(f, "  a step takes about {} of processor time", time(step))?;
+            writeln!(f, "  a step takes roughly {} of processor time", time(step))?;
         }
         if let Some(seconds) = self.seconds_if_resolved {
             writeln!(
                 f,
-                "  takes about {} of processor time if steps resolve the fastest vibration, often less",
+                "  takes roughly {} of processor time if steps resolve the fastest vibration, often less",
                 time(seconds)
             )?;
         }

@@ -7,6 +7,7 @@ pub(crate) mod islands;
 pub(crate) mod members;
 pub(crate) mod observer;
 pub(crate) mod part;
+pub(crate) mod record;
 pub(crate) mod simulation;
 pub(crate) mod sleep;
 pub(crate) mod stepper;

@@ -22,7 +22,7 @@ use crate::run::members::{Supported, Track};
 use crate::run::observer::{either, offer};
 use crate::{
     Cause, Choice, Flows, HiddenState, Interval, Ledger, Method, MethodError, NodeStates, Observer,
-    Outcome, Patience, SetupError, State, StepError, StepPlan, Stepper, Work,
+    Outcome, Patience, SetupError, State, StepError, StepPlan, StepRecord, Stepper, Work,
 };
 use springs_assembly::{Compilation, Emitter, Energy, System, compile_with};
 use springs_scene::{RunOptions, Scene};
@@ -58,6 +58,9 @@ pub struct Simulation {
     shown: Option<Shown>,
     /// The last step, and the state before it.
     last: Option<Interval>,
+    /// What the method estimated of that step: the rate at which it adds to the error of
+    /// positions, in m/s.
+    last_rate: Option<f64>,
     /// Whether the observer has been told of that step's end.
     is_told: bool,
     before: NodeStates,
@@ -223,6 +226,7 @@ impl Simulation {
             shown: None,
             most_energy: 0.0,
             last: None,
+            last_rate: None,
             is_told: true,
             before: nodes.clone(),
             nodes,
@@ -306,6 +310,14 @@ impl Simulation {
     /// What was done so far, trial runs aside.
     pub fn work(&self) -> Work {
         self.work
+    }
+
+    /// What is known of the last step; `None` before the first one.
+    pub fn record(&self) -> Option<StepRecord> {
+        let interval = self.last?;
+        let (choice, counts) = (&self.choice, self.work.counts);
+        let step = (interval.end, interval.size);
+        Some(StepRecord::of(step, self.last_rate, choice, counts))
     }
 
     /// Energy at the start and its flows so far.
@@ -418,6 +430,9 @@ impl Simulation {
         self.end_step();
         self.is_told = true;
         let offered = offer(observer, || self.account(interval.end));
+        if let Some(record) = self.record() {
+            observer.record(&record);
+        }
         Ok(either(
             offered,
             observer.step(interval.end, self.stepper.steps()),

@@ -80,6 +80,7 @@ impl Simulation {
                 state.real(real);
             }
         });
+        state.option(&mut self.last_rate, |rate, state| state.real(rate));
         state.flag(&mut self.is_told);
         state.option(&mut self.shown, |shown, state| shown.visit(state));
         self.visit_switches(state);
