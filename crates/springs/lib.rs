@@ -26,6 +26,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod drawing;
 pub mod filmstrip;
 pub mod inspect;
 pub mod report;

@@ -347,6 +347,7 @@ impl RunResult {
         let panel = |index: usize| Panel {
             time: numbers.times[index],
             positions: numbers.positions[index * n..(index + 1) * n].to_vec(),
+            broken: Vec::new(),
         };
         let panels: Vec<Panel> = shown.into_iter().map(panel).collect();
         Ok(filmstrip(&self.scene, &panels))
