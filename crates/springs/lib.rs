@@ -13,7 +13,7 @@
 //! | [`io`] | `springs-io` | scene files, trajectories, reports |
 //!
 //! and what belongs to no single one of them: [`report`], [`inspect`],
-//! [`sinks`], [`filmstrip`], [`view`] and [`study`].
+//! [`sinks`], [`filmstrip`], [`plots`], [`view`] and [`study`].
 //!
 //! ```
 //! use springs::scene::generate::{Material, cloth};
@@ -29,6 +29,7 @@
 mod drawing;
 pub mod filmstrip;
 pub mod inspect;
+pub mod plots;
 pub mod report;
 pub mod sinks;
 pub mod study;

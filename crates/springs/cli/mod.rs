@@ -6,6 +6,7 @@ mod manual;
 mod modes;
 mod new;
 mod output;
+mod plot;
 mod progress;
 mod resume;
 mod run;
@@ -40,6 +41,8 @@ enum Command {
     Resume(resume::ResumeArguments),
     /// Make a page to look at a finished run in a browser.
     View(view::ViewArguments),
+    /// Draw the tables of a finished run: energies, steps, peaks, probes.
+    Plot(plot::PlotArguments),
     /// Find the equilibrium of a scene, and say whether it is stable.
     Settle(settle::SettleArguments),
     /// Find the lowest frequencies and shapes of vibrations about an equilibrium.
@@ -103,6 +106,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Run(arguments) => run::run(&arguments),
         Command::Resume(arguments) => resume::resume(&arguments),
         Command::View(arguments) => view::view(&arguments),
+        Command::Plot(arguments) => plot::plot_command(&arguments),
         Command::Settle(arguments) => settle::settle_command(&arguments),
         Command::Modes(arguments) => modes::modes_command(&arguments),
         Command::Check(arguments) => check::check(&arguments),
