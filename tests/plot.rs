@@ -40,6 +40,21 @@ fn the_tables_of_a_run_are_drawn() {
     assert_eq!(desk.names("o"), ["final.ron", "report.json"]);
 }
 
+/// The scene at the end has its loads where they are then; the picture has them as they were.
+#[test]
+fn the_filmstrip_has_the_loads_of_its_panels() {
+    let desk = Desk::new();
+    let scene = "Scene(version: 1,
+        nodes: [(position: (0, 0, 0), fixed: true), (position: (0, 0, -1), mass: 1)],
+        springs: [(nodes: (0, 1), stiffness: 100)],
+        loads: [(nodes: [1], force: (0, 0, -8), over_time: Ramp(from: 0, to: 4))],
+        simulation: (method: VelocityVerlet, step: 0.01, duration: 1))";
+    std::fs::write(desk.path("one.ron"), scene).unwrap();
+    desk.expect(0, "run one.ron --write svg --out o --quiet");
+    let picture = desk.read("o/filmstrip.svg");
+    assert!(picture.contains(">load, 2 N at most<"), "{picture}");
+}
+
 #[test]
 fn probes_of_one_unit_share_a_chart() {
     let desk = Desk::new();

@@ -29,7 +29,7 @@ const FRAME: RGBColor = RGBColor(0xdd, 0xdd, 0xdd);
 ///
 /// All panels share view, scale and colours. The view is along the direction
 /// in which nothing extends, if there is one, and slanted otherwise, with
-/// gravity pointing down.
+/// gravity pointing down. Loads are those of the scene at the time of each panel.
 ///
 /// # Panics
 ///

@@ -119,7 +119,10 @@ impl Sink for Panels {
                 broken: broken_of(end.scene),
             });
         }
-        let picture = filmstrip(end.scene, &self.panels);
+        // Its loads are where they are at the end.
+        let mut scene = end.scene.clone();
+        scene.shift_time(-end.time);
+        let picture = filmstrip(&scene, &self.panels);
         write_whole(&self.path, picture.as_bytes())
     }
 }
