@@ -12,10 +12,11 @@ use std::time::{Duration, Instant};
 
 const SPRINGS: &str = env!("CARGO_BIN_EXE_springs");
 
-const RESULTS: [&str; 9] = [
+const RESULTS: [&str; 10] = [
     "final.ron",
     "trajectory.csv",
     "energy.csv",
+    "steps.csv",
     "trajectory.npz",
     "frames.pvd",
     "mesh.obj",

@@ -107,7 +107,7 @@ fn draw_support(root: &Area<'_>, [x, y]: [f64; 2], is_fixed: bool) -> Drawn {
 /// An arrow from a point, both in pixels; none where it would be too short to see.
 fn draw_arrow(root: &Area<'_>, [x, y]: [f64; 2], [dx, dy]: [f64; 2]) -> Drawn {
     let length = dx.hypot(dy);
-    if !(length > 1.0) {
+    if length <= 1.0 || length.is_nan() {
         return Ok(());
     }
     let tip = [x + dx, y + dy];

@@ -3,7 +3,7 @@
 use super::warning::Warnings;
 use super::words::rounded;
 use springs_scene::Scene;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 pub(super) fn list(scene: &Scene, warnings: &mut Warnings) {
     list_masses(scene, warnings);
@@ -71,13 +71,13 @@ fn list_without_springs(scene: &Scene, warnings: &mut Warnings) {
 /// Nodes that begin at the very place of another one, which no spring joins them with.
 fn list_coincident(scene: &Scene, warnings: &mut Warnings) {
     let mut first_at: HashMap<[u64; 3], usize> = HashMap::new();
-    let mut pairs: HashMap<[usize; 2], ()> = HashMap::new();
+    let mut pairs: HashSet<[usize; 2]> = HashSet::new();
     for node in 0..scene.nodes.len() {
         // Zero has two signs.
         let place = scene.start_position(node).map(|x| (x + 0.0).to_bits());
         let first = *first_at.entry(place.into()).or_insert(node);
         if first != node {
-            pairs.insert([first, node], ());
+            pairs.insert([first, node]);
         }
     }
     if pairs.is_empty() {
@@ -87,7 +87,7 @@ fn list_coincident(scene: &Scene, warnings: &mut Warnings) {
         let [a, b] = spring.nodes;
         pairs.remove(&[a.min(b), a.max(b)]);
     }
-    let mut apart: Vec<usize> = pairs.into_keys().map(|[_, node]| node).collect();
+    let mut apart: Vec<usize> = pairs.into_iter().map(|[_, node]| node).collect();
     apart.sort_unstable();
     warnings.of_nodes(
         &apart,

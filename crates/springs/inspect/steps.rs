@@ -31,20 +31,18 @@ pub(super) fn list(simulation: &Simulation, vibrations: &Vibrations, warnings: &
         return;
     };
     let rate = system.damping_rate_bound();
-    for (bound, what) in [(frequency, "stiffest node"), (rate, "strongest dashpots")] {
-        if h * bound > angle && bound.is_finite() {
-            let allowed = angle / bound;
-            let message = format!(
-                "the step of {h} s may be unstable with {method}: the {what} allow{} {allowed:.2e} s",
-                if what.ends_with('s') { "" } else { "s" },
-            );
-            let suggestion = "shorten it, take an implicit method, or give a tolerance instead";
-            if what == "stiffest node" {
-                warnings.of_nodes(&node, |_| message, suggestion);
-            } else {
-                warnings.general(message, suggestion);
-            }
-            return;
-        }
+    let limits = [
+        (frequency, "stiffest node allows", &node[..]),
+        (rate, "strongest dashpots allow", &[]),
+    ];
+    let exceeds = |bound: f64| h * bound > angle && bound.is_finite();
+    let exceeded = limits.into_iter().find(|(bound, ..)| exceeds(*bound));
+    if let Some((bound, what, nodes)) = exceeded {
+        let message = format!(
+            "the step of {h} s may be unstable with {method}: the {what} {:.2e} s",
+            angle / bound
+        );
+        let suggestion = "shorten it, take an implicit method, or give a tolerance instead";
+        warnings.add(message, suggestion, nodes, &[]);
     }
 }

@@ -11,7 +11,7 @@ pub(super) fn list(scene: &Scene, inputs: &Inputs, warnings: &mut Warnings) {
     list_groups(inputs, warnings);
 }
 
-/// Parts of the scene that fall.
+/// Parts of several nodes that fall; single ones are told by what they lack, a spring.
 fn list_floating(scene: &Scene, warnings: &mut Warnings) {
     if scene.gravity == Vector3::zeros() {
         return;
@@ -20,9 +20,7 @@ fn list_floating(scene: &Scene, warnings: &mut Warnings) {
     let is_free = |&&node: &&usize| !scene.nodes[node].fixed && scene.nodes[node].guide.is_none();
     let connected = islands.connected.iter();
     let floating = connected.filter(|island| island.nodes.iter().all(|node| is_free(&node)));
-    let mut floating: Vec<usize> = floating.map(|island| island.nodes[0]).collect();
-    floating.extend(islands.loose.iter().filter(is_free));
-    floating.sort_unstable();
+    let floating: Vec<usize> = floating.map(|island| island.nodes[0]).collect();
     let parts = count(floating.len(), "part");
     let them = if floating.len() == 1 { "it" } else { "them" };
     warnings.of_nodes(

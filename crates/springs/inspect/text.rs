@@ -227,7 +227,7 @@ fn write_mechanisms(f: &mut Formatter<'_>, mechanisms: &[Mechanism]) -> fmt::Res
     for one in mechanisms.iter().take(MOST_PARTS) {
         let rigid = match one.rigid_motions {
             0 => String::new(),
-            n => format!(" and {n} of it as a rigid body"),
+            n => format!(", and {} as a rigid body", count(n, "motion")),
         };
         writeln!(
             f,

@@ -79,7 +79,14 @@ impl Warnings {
         }
     }
 
-    fn add(&mut self, message: String, suggestion: &str, nodes: &[usize], springs: &[usize]) {
+    /// Of these nodes and springs, which may be none.
+    pub(super) fn add(
+        &mut self,
+        message: String,
+        suggestion: &str,
+        nodes: &[usize],
+        springs: &[usize],
+    ) {
         let first = |indices: &[usize]| indices.iter().copied().take(MOST_LISTED).collect();
         self.0.push(Warning {
             message,
