@@ -4,11 +4,17 @@
 //! ```
 //! use springs::inspect::Check;
 //! use springs::scene::generate::{Material, cloth};
+//! use springs::scene::{Load, OverTime, Vector3};
 //!
-//! let scene = cloth(8, Material::of_cloth());
+//! let mut scene = cloth(8, Material::of_cloth());
+//! scene.loads.push(Load {
+//!     nodes: vec![],
+//!     force: Vector3::z(),
+//!     over_time: OverTime::Constant,
+//! });
 //! let check = Check::of(&scene, &Default::default(), &Default::default())?;
 //! assert_eq!(check.contents.springs, 306);
-//! assert!(check.warnings.is_empty());
+//! assert_eq!(check.warnings[0].message, "load 0 is on no node");
 //! println!("{check}");
 //! # Ok::<(), springs::inspect::CheckError>(())
 //! ```
