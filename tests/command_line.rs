@@ -2,11 +2,11 @@
 
 mod common;
 
+use common::real_scenes;
 use common::workspace::Workspace;
 use serde_json::Value;
 use springs::io::read_scene;
 use std::io::Write as _;
-use std::path::{Path, PathBuf};
 use std::process::Stdio;
 
 /// What scripts rely on in report.json.
@@ -534,14 +534,6 @@ fn check_runs_nothing_and_says_what_is_there() {
         assert!(said.contains(part), "{part} in:\n{said}");
     }
     assert_eq!(std::fs::read_dir(workspace.folder()).unwrap().count(), 1);
-}
-
-/// The scene files among the examples.
-fn real_scenes() -> impl Iterator<Item = PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/scenes");
-    let entries = std::fs::read_dir(folder).unwrap();
-    let paths = entries.map(|entry| entry.unwrap().path());
-    paths.filter(|path| path.extension().is_some_and(|ending| ending == "ron"))
 }
 
 #[test]

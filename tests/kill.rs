@@ -12,11 +12,12 @@ use std::time::{Duration, Instant};
 
 const SPRINGS: &str = env!("CARGO_BIN_EXE_springs");
 
-const RESULTS: [&str; 10] = [
+const RESULTS: [&str; 11] = [
     "final.ron",
     "trajectory.csv",
     "energy.csv",
     "probes.csv",
+    "steps.csv",
     "trajectory.npz",
     "frames.pvd",
     "mesh.obj",
@@ -25,7 +26,7 @@ const RESULTS: [&str; 10] = [
     "view.html",
 ];
 
-const WRITTEN: &str = "--write csv,energy,npz,vtu,pc2,svg,view";
+const WRITTEN: &str = "--write csv,energy,steps,npz,vtu,pc2,svg,view";
 
 fn springs(arguments: &str, folder: &Path) -> Command {
     let mut command = Command::new(SPRINGS);

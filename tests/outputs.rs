@@ -7,7 +7,7 @@ use springs::io::{FrameMembers, Mark, RunEnd, RunPlan, SinkKind, TrajectoryFrame
 use springs::scene::generate::{Material, cloth};
 use springs::scene::{BreakLimit, Probe, ProbeQuantity, Probed, Scene, Vector3};
 use springs::sinks::{Marks, SINKS, Sinks, tension_peaks};
-use springs::step::{Frame, Islands, NodeStates, Observer, Samples};
+use springs::step::{Frame, Islands, NodeStates, Observer, Samples, StepRecord};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::ControlFlow;
 
@@ -72,6 +72,10 @@ impl Observer for Writer {
     fn account(&mut self, account: springs::step::Account) -> ControlFlow<()> {
         self.sinks.account(&account).unwrap();
         ControlFlow::Continue(())
+    }
+
+    fn record(&mut self, record: &StepRecord) {
+        self.sinks.step(record).unwrap();
     }
 }
 

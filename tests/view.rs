@@ -8,7 +8,9 @@ use flate2::read::DeflateDecoder;
 use serde_json::Value;
 use springs::io::write_scene;
 use springs::scene::generate::{Material, cloth};
-use springs::scene::{Method, RunOptions, Scene, StepControl, Tangent};
+use springs::scene::{
+    BreakLimit, Load, Method, OverTime, RunOptions, Scene, SpringLaw, StepControl, Tangent, Vector3,
+};
 use std::io::Read as _;
 use std::path::Path;
 use std::process::Command;
@@ -224,6 +226,106 @@ fn check(scene: &Scene) -> bool {
     has_strain
 }
 
+/// A net that tears: some of its springs yield before.
+fn torn() -> Scene {
+    let mut scene = cloth(5, Material::of_cloth());
+    scene.laws = vec![SpringLaw::Plastic {
+        yields_at: 0.02,
+        hardening: 1.0,
+    }];
+    for (k, spring) in scene.springs.iter_mut().enumerate() {
+        spring.breaks_at = Some(BreakLimit::Force(0.03 + 0.002 * (k % 9) as f64));
+        spring.law = (k % 3 == 0 && spring.stiffness > 1.0).then_some(0);
+    }
+    scene.loads = vec![Load {
+        nodes: vec![0, 24, 12],
+        force: Vector3::new(0.0, 0.0, -2.0),
+        over_time: OverTime::Ramp { from: 0.1, to: 0.3 },
+    }];
+    scene.settings.duration = 0.4;
+    scene.settings.method = Method::VelocityVerlet;
+    scene.settings.step = StepControl::Fixed(1e-4);
+    scene
+}
+
+/// The page knows from which frame on springs are broken or have yielded, and has the loads as
+/// they are at the end.
+#[test]
+fn the_page_marks_broken_and_yielded_springs_and_loads() {
+    let workspace = Workspace::new();
+    let scene = torn();
+    write_scene(&workspace.path("net.ron"), &scene, &RunOptions::default()).unwrap();
+    workspace.expect(
+        0,
+        "run net.ron --out d --frames 40 --write springs --view --quiet",
+    );
+    let page = workspace.read("d/view.html");
+    let changes = inflated(&page, "changes");
+    let words = changes
+        .chunks(4)
+        .map(|word| u32::from_le_bytes(word.try_into().unwrap()));
+    let words: Vec<u32> = words.collect();
+    let table = workspace.read("d/springs.csv");
+    let states: Vec<&str> = table
+        .lines()
+        .skip(1)
+        .map(|line| line.rsplit(',').next().unwrap())
+        .collect();
+    let k = scene.springs.len();
+    let first = |spring: usize, state: &str| {
+        let mut frames = states.iter().skip(spring).step_by(k);
+        frames
+            .position(|found| *found == state)
+            .map_or(u32::MAX, |frame| frame as u32)
+    };
+    for spring in 0..k {
+        assert_eq!(words[spring], first(spring, "broken"), "broken {spring}");
+        assert_eq!(
+            words[k + spring],
+            first(spring, "yielded"),
+            "yielded {spring}"
+        );
+    }
+    let changed = |words: &[u32]| words.iter().filter(|&&frame| frame != u32::MAX).count();
+    assert!(
+        changed(&words[..k]) > 3 && changed(&words[k..]) > 3,
+        "{words:?}"
+    );
+    let run: Value = serde_json::from_str(text(&page, "run")).unwrap();
+    let load = &run["loads"][0];
+    // Those on fixed nodes, the corners, are not drawn.
+    let free = |node: &usize| !scene.nodes[*node].fixed;
+    let nodes: Vec<usize> = vec![0, 24, 12].into_iter().filter(free).collect();
+    assert_eq!(load["nodes"], serde_json::json!(nodes));
+    assert_eq!(load["over_time"]["kind"], "ramp");
+    assert_near(
+        &[load["over_time"]["to"].as_f64().unwrap()],
+        &[-0.1],
+        1e-12,
+        "ramp",
+    );
+}
+
+/// Energies of very many frames are thinned, and the last one is there.
+#[test]
+fn a_page_has_no_more_energies_than_its_plots_show() {
+    let workspace = Workspace::new();
+    let scene = "Scene(version: 1, nodes: [(position: (0, 0, 0), velocity: (1, 0, 0), mass: 1)],
+        simulation: (method: VelocityVerlet, step: 0.01, duration: 40))";
+    std::fs::write(workspace.path("one.ron"), scene).unwrap();
+    workspace.expect(0, "run one.ron --out d --frames 3500 --view --quiet");
+    let page = workspace.read("d/view.html");
+    let run: Value = serde_json::from_str(text(&page, "run")).unwrap();
+    let times = reals(&run["energies"]["times"]);
+    assert!(times.len() <= 1001 && times.len() > 500, "{}", times.len());
+    assert_eq!((times[0], times[times.len() - 1]), (0.0, 40.0));
+    assert_eq!(reals(&run["times"]).len(), 3501);
+    for column in run["energies"]["columns"].as_array().unwrap() {
+        assert_eq!(reals(column).len(), times.len());
+    }
+    assert!(page.len() < 500_000, "{}", page.len());
+}
+
 fn scene() -> Scene {
     let mut scene = tangle(20, 3);
     scene.name = "a </script> {{script}} & more".to_owned();
@@ -279,26 +381,57 @@ fn without_frames_it_says_what_to_run() {
     assert!(!workspace.path("d/view.html").exists());
 }
 
+/// What a person sees of a page in a browser of this size.
+fn look(page: &Path, [width, height]: [&str; 2]) -> Value {
+    let chromium = std::env::var("SPRINGS_CHROMIUM").unwrap_or_else(|_| "chromium".to_owned());
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/foreign/look.mjs");
+    let output = Command::new("node")
+        .arg(&script)
+        .arg(&chromium)
+        .arg(page)
+        .args([width, height])
+        .output()
+        .unwrap();
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{errors}");
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+#[test]
+#[ignore = "needs node, and a Chromium named by SPRINGS_CHROMIUM"]
+fn a_browser_marks_loads_and_what_became_of_springs() {
+    let workspace = Workspace::new();
+    write_scene(&workspace.path("net.ron"), &torn(), &RunOptions::default()).unwrap();
+    workspace.expect(0, "run net.ron --out d --frames 40 --view --quiet");
+    let seen = look(&workspace.path("d/view.html"), ["1280", "800"]);
+    assert_eq!(seen["problems"], serde_json::json!([]));
+    let marks = seen["marks"].as_array().unwrap();
+    for mark in ["broken", "yielded", "load, 2 N at most", "fixed"] {
+        assert!(marks.contains(&mark.into()), "{mark} in {marks:?}");
+    }
+    // At the end the ramp has risen, and the arrow points down.
+    assert_near(
+        &reals(&seen["arrow"]["force"]),
+        &[0.0, 0.0, -2.0],
+        1e-12,
+        "force",
+    );
+    let arrow = reals(&seen["arrow"]["vector"]);
+    assert!(
+        arrow[2] < 0.0 && arrow[0].abs() + arrow[1].abs() < 1e-6 * -arrow[2],
+        "{arrow:?}"
+    );
+}
+
 /// `SPRINGS_CHROMIUM=chromium cargo test --test view -- --ignored`, with node.
 #[test]
 #[ignore = "needs node, and a Chromium named by SPRINGS_CHROMIUM"]
 fn a_browser_shows_what_is_picked() {
-    let chromium = std::env::var("SPRINGS_CHROMIUM").unwrap_or_else(|_| "chromium".to_owned());
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/foreign/look.mjs");
     let workspace = Workspace::new();
     write_scene(&workspace.path("net.ron"), &scene(), &RunOptions::default()).unwrap();
     workspace.expect(0, "run net.ron --out d --frames 30 --write csv --view");
-    for (width, height) in [("390", "844"), ("1280", "800")] {
-        let output = Command::new("node")
-            .arg(&script)
-            .arg(&chromium)
-            .arg(workspace.path("d/view.html"))
-            .args([width, height])
-            .output()
-            .unwrap();
-        let errors = String::from_utf8_lossy(&output.stderr);
-        assert!(output.status.success(), "{errors}");
-        let seen: Value = serde_json::from_slice(&output.stdout).unwrap();
+    for size in [["390", "844"], ["1280", "800"]] {
+        let seen = look(&workspace.path("d/view.html"), size);
         assert_eq!(seen["problems"], serde_json::json!([]));
         assert_eq!(seen["unnamed"], serde_json::json!([]));
         assert_eq!(seen["isWider"], false);

@@ -13,7 +13,7 @@
 //! | [`io`] | `springs-io` | scene files, trajectories, reports |
 //!
 //! and what belongs to no single one of them: [`report`], [`inspect`],
-//! [`materials`], [`proportions`], [`sinks`], [`filmstrip`], [`view`] and [`study`].
+//! [`sinks`], [`filmstrip`], [`plots`], [`view`] and [`study`].
 //!
 //! ```
 //! use springs::scene::generate::{Material, cloth};
@@ -26,10 +26,10 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod drawing;
 pub mod filmstrip;
 pub mod inspect;
-pub mod materials;
-pub mod proportions;
+pub mod plots;
 pub mod report;
 pub mod sinks;
 pub mod study;

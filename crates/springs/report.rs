@@ -4,10 +4,10 @@ use crate::inspect::skipped;
 use springs_assembly::Energy;
 use springs_io::{
     EnergyReport, EnergySum, FailureReport, FrameEnergies, IslandReport, Report, SavingReport,
-    SecondsReport, SwitchReport, TrialsReport,
+    SecondsReport, StepRow, SwitchReport, TrialsReport,
 };
 use springs_scene::Scene;
-use springs_step::{Account, Islands, Outcome, Pace, Part, StepError};
+use springs_step::{Account, Islands, Outcome, Pace, Part, StepError, StepRecord};
 use std::time::Duration;
 
 /// How a run ended.
@@ -42,6 +42,24 @@ pub fn frame_energies(account: &Account) -> FrameEnergies {
         load_work: ledger.load_work,
         method_gain: ledger.method_gain(energy),
         broken_energy: ledger.broken_energy,
+    }
+}
+
+/// A step as files have it.
+pub fn step_row(record: &StepRecord) -> StepRow {
+    let counts = record.counts;
+    StepRow {
+        time: record.time,
+        step_size: record.step_size,
+        error: record.error,
+        allowed_error: record.allowed_error,
+        method: record.method.kebab_name(),
+        steps: counts.steps,
+        rejected_steps: counts.rejected_steps,
+        force_evaluations: counts.force_evaluations,
+        factorizations: counts.factorizations,
+        newton_iterations: counts.newton_iterations,
+        solver_iterations: counts.solver_iterations,
     }
 }
 

@@ -1,16 +1,16 @@
 //! All outputs that a run can be asked for, and those that it writes.
 
 use crate::filmstrip::Filmstrip;
-use crate::report::frame_energies;
+use crate::report::{frame_energies, step_row};
 use crate::view::View;
 use serde::{Deserialize, Serialize};
 use springs_io::{
     ContinueError, ENERGIES, FrameMembers, Mark, Npz, PointCache, ProbeSamples, Probes, REACTIONS,
-    ResumeSink, RunEnd, RunPlan, Sink, SinkKind, SpringsAndPeaks, TRAJECTORY, TensionPeak,
+    ResumeSink, RunEnd, RunPlan, STEPS, Sink, SinkKind, SpringsAndPeaks, TRAJECTORY, TensionPeak,
     TrajectoryFrame, Vtu, WriteError,
 };
 use springs_scene::{Scene, Spring, printable};
-use springs_step::{Account, Frame, Islands, Samples};
+use springs_step::{Account, Frame, Islands, Samples, StepRecord};
 use std::path::Path;
 
 /// A row for each output; they are written and named in this order, each after those
@@ -18,6 +18,7 @@ use std::path::Path;
 pub static SINKS: &[&dyn SinkKind] = &[
     &TRAJECTORY,
     &ENERGIES,
+    &STEPS,
     &SpringsAndPeaks,
     &REACTIONS,
     &Probes,
@@ -194,6 +195,17 @@ impl Sinks {
         };
         let wanting = self.each().filter(|sink| sink.wants_samples());
         let written = wanting.map(|sink| sink.samples(&samples));
+        written.fold(Ok(()), Result::and)
+    }
+
+    /// Shows a step to those who want it, also if one of them cannot write it.
+    ///
+    /// # Errors
+    ///
+    /// The first of theirs.
+    pub fn step(&mut self, record: &StepRecord) -> Result<(), WriteError> {
+        let sinks = self.each().filter(|sink| sink.wants_steps());
+        let written = sinks.map(|sink| sink.step(&step_row(record)));
         written.fold(Ok(()), Result::and)
     }
 

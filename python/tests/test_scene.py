@@ -180,6 +180,12 @@ class Scenes(unittest.TestCase):
         self.assertIn("spring 60: another spring joins the same two nodes", str(check))
         self.assertTrue(check.suspicious)
         self.assertEqual(str(check), repr(check))
+        report = check.report
+        self.assertEqual(report["contents"]["springs"], 61)
+        named = [warning for warning in report["warnings"] if warning["springs"] == [60]]
+        self.assertEqual(len(named), 1)
+        self.assertIn(named[0]["message"], str(check))
+        self.assertEqual(len(check.skipped), len(report["skipped"]))
 
 
 class Errors(unittest.TestCase):

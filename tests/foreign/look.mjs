@@ -140,7 +140,10 @@ try {
   const plots = await value("document.querySelectorAll('.plot svg').length");
   const isWider = await value("document.documentElement.scrollWidth > document.documentElement.clientWidth");
   const unnamed = await value("[...document.querySelectorAll('button, input, select, canvas, svg')].filter((one) => !(one.getAttribute('aria-label') || one.labels?.length || one.textContent.trim())).map((one) => one.outerHTML)");
-  console.log(JSON.stringify({ load, rate, isPlaying, isStopped, node, pickedNode, values, numbers, spring, pickedSpring, turned, distances, plots, isWider, unnamed, problems }));
+  const marks = await value("[...document.querySelectorAll('#marks li:not([hidden])')].map((one) => one.textContent.replace('→', ''))");
+  // The arrow of the first load, from its node to its tip, in m.
+  const arrow = await value("(() => { view.seek(view.end); view.show(); const { arrows, picture, run } = view; if (arrows.nodes.length === 0) return null; const at = (i) => [...picture.positions.subarray(4 * i, 4 * i + 3)]; const [a, b] = [at(arrows.nodes[0]), at(run.nodes)]; return { vector: b.map((x, axis) => x - a[axis]), force: arrows.forceAt(arrows.nodes[0], view.end) }; })()");
+  console.log(JSON.stringify({ marks, arrow, load, rate, isPlaying, isStopped, node, pickedNode, values, numbers, spring, pickedSpring, turned, distances, plots, isWider, unnamed, problems }));
 } catch (error) {
   console.error(error.message, problems);
   process.exitCode = 1;

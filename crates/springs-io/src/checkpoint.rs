@@ -51,7 +51,7 @@ pub enum CheckpointError {
 /// rest, the length of `about` in bytes, `about`, and the words, all
 /// little-endian.
 const MAGIC: &[u8] = b"springs checkpoint\n";
-const VERSION: u32 = 5;
+const VERSION: u32 = 6;
 
 /// Writes a checkpoint, whole or not at all; it is on the disk when this
 /// returns.

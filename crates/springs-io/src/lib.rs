@@ -45,6 +45,7 @@ mod sink;
 mod spring_file;
 mod springs;
 mod statics;
+mod steps;
 mod syntax;
 mod table;
 mod tables;
@@ -77,6 +78,7 @@ pub use statics::{
     MODES, ModesReport, NotFound, PATH, PathReport, PathRow, SHAPES, SettleReport, write_modes,
     write_path,
 };
+pub use steps::{STEPS, StepRow};
 pub use table::{Rows, Table};
 pub use tables::{TableError, read_tables};
 pub use trajectory::TRAJECTORY;

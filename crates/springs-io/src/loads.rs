@@ -32,6 +32,11 @@ impl Groups {
         Self(groups)
     }
 
+    /// Names and nodes, as they stand in the file.
+    pub(crate) fn into_named(self) -> Vec<(String, Vec<usize>)> {
+        self.0
+    }
+
     /// The nodes of an entry at that path; none of a group that is not there, which is added
     /// to `findings`.
     pub(crate) fn nodes(

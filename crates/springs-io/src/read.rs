@@ -55,8 +55,9 @@ pub enum SceneError {
     Wrong {
         /// The file.
         file: String,
-        /// What is wrong: first of what fields say together, such as a spring without a
-        /// stiffness, and where that is right of the scene; the first hundred of these.
+        /// What is wrong: what fields say together, such as a spring without a stiffness,
+        /// then what the scene comes to, in nodes, springs and so on that nothing was
+        /// found in before; the first hundred.
         findings: Vec<Finding>,
     },
 }
@@ -123,6 +124,8 @@ impl Finding {
 pub(crate) struct Findings<'a> {
     text: &'a str,
     found: Vec<Finding>,
+    /// What they are in, without fields.
+    elements: Vec<ScenePath>,
 }
 
 /// More than these help nobody.
@@ -133,6 +136,7 @@ impl<'a> Findings<'a> {
         Self {
             text,
             found: Vec::new(),
+            elements: Vec::new(),
         }
     }
 
@@ -141,6 +145,7 @@ impl<'a> Findings<'a> {
         if self.found.len() < MOST_FINDINGS {
             let finding = Finding::at(self.text, path, message, advice);
             self.found.push(finding);
+            self.elements.push(path.element());
         }
     }
 }
@@ -300,24 +305,49 @@ pub fn parse_scene_with_inputs(
         .collect();
     let mut findings = Findings::new(text);
     let (scene, law_places, inputs) = scene(entries, file, &mut findings);
-    if !findings.found.is_empty() {
-        return Err(wrong(findings.found));
-    }
     let mut problems = scene.problems();
     problems.retain(|problem| !twice.contains(problem));
     problems.extend(twice);
     problems.extend(options.problems());
-    if problems.is_empty() {
-        return Ok((scene, options, inputs));
-    }
+    let known = std::mem::take(&mut findings.elements);
     for problem in problems {
         let path = match problem.path() {
             ScenePath::Law(law) => law_places[law],
             path => path,
         };
-        findings.push(path, problem.to_string(), problem.advice());
+        if !may_come_of(&known, path, &inputs) {
+            findings.push(path, problem.to_string(), problem.advice());
+        }
     }
-    Err(wrong(findings.found))
+    if findings.found.is_empty() {
+        Ok((scene, options, inputs))
+    } else {
+        Err(wrong(findings.found))
+    }
+}
+
+/// Whether what is wrong at a path may only come of what was found in the file: there, in the
+/// material of the spring, or in a group of nodes.
+fn may_come_of(known: &[ScenePath], path: ScenePath, inputs: &Inputs) -> bool {
+    let material = |index: usize| {
+        let place = inputs
+            .springs
+            .binary_search_by_key(&index, |input| input.spring);
+        Some(ScenePath::Material(
+            inputs.springs[place.ok()?].material?,
+            None,
+        ))
+    };
+    let source = match path {
+        ScenePath::Spring(index, _) => material(index),
+        _ => None,
+    };
+    let names_nodes = matches!(path, ScenePath::Load(..) | ScenePath::Probe(..));
+    known.iter().any(|found| {
+        *found == path.element()
+            || Some(*found) == source
+            || (names_nodes && matches!(found, ScenePath::Group(_)))
+    })
 }
 
 /// Some editors begin a file with a byte order mark.
@@ -358,7 +388,11 @@ fn scene(
         output,
     };
     damp(&resolved.ratios, &mut scene, findings);
-    (scene, resolved.law_places, resolved.inputs)
+    let inputs = Inputs {
+        groups: groups.into_named(),
+        ..resolved.inputs
+    };
+    (scene, resolved.law_places, inputs)
 }
 
 /// The index of what has a name; one that nothing has is added to `findings`.

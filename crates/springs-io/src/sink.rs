@@ -3,6 +3,7 @@
 use crate::atomic::WriteError;
 use crate::growing::ContinueError;
 use crate::report::EnergySum;
+use crate::steps::StepRow;
 use nalgebra::Vector3;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -74,6 +75,11 @@ pub trait Sink: Send {
         false
     }
 
+    /// Whether to be called with every step.
+    fn wants_steps(&self) -> bool {
+        false
+    }
+
     /// Called for every frame, in order.
     ///
     /// # Errors
@@ -98,6 +104,15 @@ pub trait Sink: Send {
     ///
     /// If it cannot be written.
     fn samples(&mut self, _samples: &ProbeSamples<'_>) -> Result<(), WriteError> {
+        Ok(())
+    }
+
+    /// Called for every step, after the frames within it, if that is wanted.
+    ///
+    /// # Errors
+    ///
+    /// If it cannot be written.
+    fn step(&mut self, _step: &StepRow) -> Result<(), WriteError> {
         Ok(())
     }
 

@@ -12,11 +12,13 @@ use springs_scene::{
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
-/// What a scene file says of springs and a [`Scene`] does not keep.
+/// What a scene file says and a [`Scene`] does not keep.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Inputs {
     /// The names of the materials.
     pub materials: Vec<String>,
+    /// The groups of nodes: names, and indices as they stand in the file.
+    pub groups: Vec<(String, Vec<usize>)>,
     /// Of each spring that is given by more than stiffness, rest length, mass and
     /// damping.
     pub springs: Vec<SpringInput>,

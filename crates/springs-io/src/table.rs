@@ -5,6 +5,7 @@ use crate::growing::{ContinueError, FileMark, GrowingFile, part_name};
 use crate::sink::{
     FrameEnergies, FrameMembers, Mark, ResumeSink, RunEnd, RunPlan, Sink, SinkKind, TrajectoryFrame,
 };
+use crate::steps::StepRow;
 use std::path::Path;
 
 /// An output that is one table, with rows for each frame.
@@ -32,6 +33,8 @@ pub enum Rows {
     Members(fn(&TrajectoryFrame<'_>, &FrameMembers<'_>, &mut Vec<u8>)),
     /// The energies at each frame.
     Energies(fn(&FrameEnergies, &mut Vec<u8>)),
+    /// The steps.
+    Steps(fn(&StepRow, &mut Vec<u8>)),
 }
 
 impl SinkKind for Table {
@@ -83,6 +86,10 @@ impl Sink for GrowingTable {
         matches!(self.table.rows, Rows::Members(_))
     }
 
+    fn wants_steps(&self) -> bool {
+        matches!(self.table.rows, Rows::Steps(_))
+    }
+
     fn frame(&mut self, frame: &TrajectoryFrame<'_>) -> Result<(), WriteError> {
         match (self.table.rows, &frame.members) {
             (Rows::Frames(rows), _) => self.file.append(|bytes| rows(frame, bytes)),
@@ -96,6 +103,13 @@ impl Sink for GrowingTable {
     fn energies(&mut self, energies: &FrameEnergies) -> Result<(), WriteError> {
         if let Rows::Energies(rows) = self.table.rows {
             self.file.append(|bytes| rows(energies, bytes))?;
+        }
+        Ok(())
+    }
+
+    fn step(&mut self, step: &StepRow) -> Result<(), WriteError> {
+        if let Rows::Steps(rows) = self.table.rows {
+            self.file.append(|bytes| rows(step, bytes))?;
         }
         Ok(())
     }

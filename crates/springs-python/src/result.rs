@@ -119,7 +119,7 @@ fn energies(py: Python<'_>, columns: [Vec<f64>; ENERGIES.len()]) -> PyResult<Bou
     Ok(energies)
 }
 
-fn json(py: Python<'_>, report: &springs::io::Report) -> PyResult<Py<PyAny>> {
+pub(crate) fn json(py: Python<'_>, report: &impl serde::Serialize) -> PyResult<Py<PyAny>> {
     let text = serde_json::to_string(report).map_err(Fault::system)?;
     Ok(py.import("json")?.call_method1("loads", (text,))?.unbind())
 }
@@ -348,6 +348,7 @@ impl RunResult {
         let panel = |index: usize| Panel {
             time: numbers.times[index],
             positions: numbers.positions[index * n..(index + 1) * n].to_vec(),
+            broken: Vec::new(),
         };
         let panels: Vec<Panel> = shown.into_iter().map(panel).collect();
         Ok(filmstrip(&self.scene, &panels))

@@ -12,13 +12,14 @@ use crate::study::{self, PyStudy};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
+use springs::inspect::{Check, CheckError};
 use springs::io::{Inputs, parse_scene_with_inputs, read_text, scene_to_string, write_scene};
 use springs::scene::{
     Guide, Load, NamedMotion, Node, OverTime, PrescribedMotion, Rayleigh, RunOptions, Scene, Start,
     StepControl, Vector3,
 };
 use springs::sinks::default_intervals;
-use springs::step::{Islands, NodeStates};
+use springs::step::NodeStates;
 use std::path::PathBuf;
 
 /// Point masses joined by springs, in SI units.
@@ -349,12 +350,12 @@ impl PyScene {
 
     /// What is in the scene, what a run leaves out, and what looks wrong; runs nothing.
     fn check(&self, py: Python<'_>) -> PyResult<PyCheck> {
-        let (mut scene, options) = self.changed(&Changes::default())?;
-        // A run finds the equilibrium first; here nothing is run.
-        scene.settings.start = Start::AsGiven;
-        let islands = py.detach(|| Islands::with_options(&scene, &options));
-        let islands = islands.map_err(|error| Fault::from(&error))?;
-        Ok(PyCheck::of(&scene, &self.inputs, &islands))
+        let (scene, options) = self.changed(&Changes::default())?;
+        match py.detach(|| Check::of(&scene, &options, &self.inputs)) {
+            Ok(check) => Ok(PyCheck(check)),
+            Err(CheckError::Setup(error)) => Err(Fault::from(&error).into()),
+            Err(error) => Err(Fault::system(error).into()),
+        }
     }
 
     /// Finds an equilibrium under the loads of the time 0, and says whether it is stable.

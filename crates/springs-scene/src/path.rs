@@ -31,6 +31,26 @@ pub enum Path {
     Probe(usize, Option<&'static str>),
 }
 
+impl Path {
+    /// The node, spring, load and so on that a field is of; of a field of none, itself.
+    pub fn element(self) -> Self {
+        match self {
+            Self::Node(index, _) => Self::Node(index, None),
+            Self::Spring(index, _) => Self::Spring(index, None),
+            Self::Load(index, _) => Self::Load(index, None),
+            Self::Motion(index, _) => Self::Motion(index, None),
+            Self::Material(index, _) => Self::Material(index, None),
+            Self::Probe(index, _) => Self::Probe(index, None),
+            Self::Scene(_)
+            | Self::Simulation(_)
+            | Self::Damping(_)
+            | Self::Law(_)
+            | Self::Output(_)
+            | Self::Group(_) => self,
+        }
+    }
+}
+
 impl fmt::Display for Path {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (list, index, field) = match *self {

@@ -35,9 +35,11 @@ mod error;
 mod form;
 mod modes;
 mod path;
+mod rayleigh;
 
 pub use equilibrium::{Equilibrium, Options, Reaction, Status, settle, settle_system, start};
 pub use error::StaticsError;
 pub use form::form_of_densities;
 pub use modes::{Modes, modes};
 pub use path::{LoadPath, PathEnd, PathPoint, trace};
+pub use rayleigh::lowest_frequency_bound;

@@ -62,6 +62,7 @@ pub use run::members::{Members, Peak, Reaction};
 pub use run::observer::{Account, Frame, Observer, Outcome, Patience, Samples};
 pub use run::part::Part;
 pub use run::probes::Sample;
+pub use run::record::StepRecord;
 pub use run::simulation::{Simulation, Switch};
 pub use run::stepper::Stepper;
 pub use state::{NodeStates, State};

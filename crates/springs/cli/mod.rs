@@ -2,9 +2,12 @@
 
 mod check;
 mod checkpoints;
+mod manual;
 mod modes;
 mod new;
 mod output;
+mod plot;
+mod progress;
 mod resume;
 mod run;
 mod settle;
@@ -16,7 +19,7 @@ mod summary;
 mod view;
 mod watcher;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory as _, Parser, Subcommand};
 use springs::io::WriteError;
 use springs::scene::printable_within;
 use std::io::Write as _;
@@ -38,6 +41,8 @@ enum Command {
     Resume(resume::ResumeArguments),
     /// Make a page to look at a finished run in a browser.
     View(view::ViewArguments),
+    /// Draw the tables of a finished run: energies, steps, peaks, probes.
+    Plot(plot::PlotArguments),
     /// Find the equilibrium of a scene, and say whether it is stable.
     Settle(settle::SettleArguments),
     /// Find the lowest frequencies and shapes of vibrations about an equilibrium.
@@ -48,6 +53,10 @@ enum Command {
     Study(study::StudyArguments),
     /// Print a scene file: a chain, a cloth or a block.
     New(new::NewArguments),
+    /// Print what makes a shell complete commands.
+    Completions(manual::CompletionArguments),
+    /// Print the manual page.
+    Man,
 }
 
 /// How a command ended, other than by an error.
@@ -97,11 +106,14 @@ pub(crate) fn main() -> ExitCode {
         Command::Run(arguments) => run::run(&arguments),
         Command::Resume(arguments) => resume::resume(&arguments),
         Command::View(arguments) => view::view(&arguments),
+        Command::Plot(arguments) => plot::plot_command(&arguments),
         Command::Settle(arguments) => settle::settle_command(&arguments),
         Command::Modes(arguments) => modes::modes_command(&arguments),
         Command::Check(arguments) => check::check(&arguments),
         Command::Study(arguments) => study::study_command(&arguments),
         Command::New(arguments) => new::new(&arguments),
+        Command::Completions(arguments) => manual::completions(&arguments, Arguments::command()),
+        Command::Man => manual::man(Arguments::command()),
     };
     match ending {
         Ok(Ending::Done) => ExitCode::SUCCESS,

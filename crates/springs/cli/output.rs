@@ -5,9 +5,10 @@ use springs::io::{
     ContinueError, MODES, PATH, Report, RunEnd, RunPlan, SHAPES, WriteError, part_name,
     remove_drafts, remove_series, try_to_write, write_report, write_scene,
 };
+use springs::plots::PLOTS;
 use springs::scene::{RunOptions, Scene};
 use springs::sinks::{Marks, SINKS, Sinks};
-use springs::step::{Account, Frame, Samples};
+use springs::step::{Account, Frame, Samples, StepRecord};
 use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 
@@ -16,8 +17,8 @@ pub(crate) const REPORT: &str = "report.json";
 /// What a stopped run goes on from.
 pub(crate) const CHECKPOINT: &str = "checkpoint.bin";
 
-/// Names of all that a run, or a command of statics, may write; those of folders end
-/// in `/`.
+/// Names of all that a run, a command of statics or of pictures may write; those of folders
+/// end in `/`.
 pub(crate) fn all_files() -> Vec<String> {
     let mut names = [SCENE, REPORT, PATH, MODES, SHAPES]
         .map(str::to_owned)
@@ -25,6 +26,7 @@ pub(crate) fn all_files() -> Vec<String> {
     for file in SINKS.iter().flat_map(|kind| kind.files()) {
         names.extend([file.to_owned(), part_name(file)]);
     }
+    names.extend(PLOTS.iter().map(|plot| plot.picture.to_owned()));
     names.push(CHECKPOINT.to_owned());
     names
 }
@@ -227,6 +229,10 @@ impl Output {
     /// What finds no room is kept to be written later.
     pub(crate) fn frame(&mut self, frame: Frame<'_>) -> Result<(), Unwritten> {
         Ok(self.sinks.frame(frame)?)
+    }
+
+    pub(crate) fn step(&mut self, record: &StepRecord) -> Result<(), Unwritten> {
+        Ok(self.sinks.step(record)?)
     }
 
     pub(crate) fn wants_members(&self) -> bool {

@@ -2,6 +2,7 @@
 
 use super::checkpoints::About;
 use super::output::{CHECKPOINT, Output, lock, quoted};
+use super::progress::{Log, Progress};
 use super::run::Run;
 use super::signals::Signals;
 use super::source::at_most_useful;
@@ -20,6 +21,9 @@ pub(crate) struct ResumeArguments {
     /// Threads that may be used; results do not depend on it, and more than 256 are not used [default: all]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     threads: Option<u32>,
+    /// How to tell of the way on standard error; `json`: an object a line for every step, no summary
+    #[arg(long, value_name = "HOW", value_enum, default_value_t)]
+    log: Log,
     /// No progress and no summary
     #[arg(long)]
     quiet: bool,
@@ -64,6 +68,8 @@ pub(crate) fn resume(arguments: &ResumeArguments) -> anyhow::Result<Ending> {
     }
     let (scene, mut options) = parse_scene(&path.display().to_string(), &about.scene)?;
     let reading = begin.elapsed();
+    let progress = Progress::new(arguments.log, arguments.quiet);
+    progress.phase("setting up");
     options.skip = about.skip;
     options.threads = arguments.threads.map_or(0, at_most_useful);
     let mut islands = Islands::with_options(&scene, &options)
@@ -96,7 +102,7 @@ pub(crate) fn resume(arguments: &ResumeArguments) -> anyhow::Result<Ending> {
         ContinueError::File(error) => anyhow::Error::from(Unwritten::from(error)),
         other => foreign(&path, &other.to_string()).into(),
     })?;
-    run.go(output)
+    run.go(output, progress)
 }
 
 fn foreign(path: &Path, why: &str) -> Advised {

@@ -2,20 +2,21 @@
 
 use super::checkpoints::{About, Every};
 use super::output::{CHECKPOINT, Output, make_folder};
+use super::progress::{Log, Progress};
 use super::signals::Signals;
 use super::source::SceneArguments;
 use super::statics::sentence;
 use super::view::invitation;
-use super::watcher::{Watcher, progress_bar};
+use super::watcher::Watcher;
 use super::{Advised, Ending, Unwritten, say, say_advised, say_error, summary};
 use clap::builder::{PossibleValue, PossibleValuesParser};
-use indicatif::ProgressBar;
+use springs::inspect::short;
 use springs::io::{
     Checkpoint, PROBES, Report, RunEnd, RunPlan, SinkKind, WriteError, scene_to_string,
     write_checkpoint,
 };
 use springs::report::{self, Timings, TurnedOver, report};
-use springs::scene::{RunOptions, Scene};
+use springs::scene::{RunOptions, Scene, Start};
 use springs::sinks::{Marks, SINKS, default_intervals, tension_peaks};
 use springs::solver::Interrupt;
 use springs::step::{Islands, Outcome, Patience, StepError};
@@ -42,6 +43,9 @@ pub(crate) struct RunArguments {
     /// Write a checkpoint so often: every 100 (steps), every 0.5s (simulated)
     #[arg(long, value_name = "EVERY")]
     checkpoint: Option<Every>,
+    /// How to tell of the way on standard error; `json`: an object a line for every step, no summary
+    #[arg(long, value_name = "HOW", value_enum, default_value_t)]
+    log: Log,
     /// No progress and no summary
     #[arg(long)]
     quiet: bool,
@@ -114,12 +118,18 @@ pub(crate) fn run(arguments: &RunArguments) -> anyhow::Result<Ending> {
     Output::check(&folder, arguments.scene.path(), arguments.force)?;
     let mut source = arguments.scene.load()?;
     let reading = begin.elapsed();
+    let progress = Progress::new(arguments.log, arguments.quiet);
+    if source.scene.settings.start == Start::Equilibrium {
+        progress.phase("looking for the equilibrium");
+    }
     match source.start() {
-        Ok(Some(equilibrium)) if !arguments.quiet => {
+        Ok(Some(equilibrium)) if !arguments.quiet && !progress.is_json() => {
+            progress.clear();
             say(&format!("start: {}", sentence(&equilibrium)));
         }
         Ok(_) => {}
         Err(error) => {
+            progress.clear();
             let advised = source.advised_of_statics(&error);
             if !error.is_not_found() {
                 return Err(advised.into());
@@ -128,6 +138,7 @@ pub(crate) fn run(arguments: &RunArguments) -> anyhow::Result<Ending> {
             return Ok(Ending::Failed);
         }
     }
+    progress.phase("setting up");
     let islands = Islands::with_options(&source.scene, &source.options)
         .map_err(|error| source.advised(&error))?;
     let intervals = match arguments.frames.or(source.scene.output.frames) {
@@ -153,7 +164,7 @@ pub(crate) fn run(arguments: &RunArguments) -> anyhow::Result<Ending> {
     };
     run.hear_signals();
     let output = Output::begin(&run.folder, &names, &run.plan(), arguments.force)?;
-    run.go(output)
+    run.go(output, progress)
 }
 
 /// What came out.
@@ -165,13 +176,14 @@ struct Results {
 
 impl Run {
     /// Simulates to the end, or until something stops it, and writes.
-    pub(super) fn go(mut self, output: Output) -> anyhow::Result<Ending> {
-        let mut watcher = self.watcher(output);
+    pub(super) fn go(mut self, output: Output, mut progress: Progress) -> anyhow::Result<Ending> {
+        progress.begin(self.islands.duration());
+        let mut watcher = self.watcher(output, progress);
         let running = Instant::now();
         let outcome = self.simulate(&mut watcher);
         let others = watcher.writing + self.trial_time();
         watcher.stepping = running.elapsed().saturating_sub(others);
-        watcher.progress.finish_and_clear();
+        watcher.progress.clear();
         let results = match outcome {
             Ok(outcome) => self.complete(&mut watcher, outcome),
             Err(unwritten) => Err(unwritten),
@@ -184,7 +196,8 @@ impl Run {
             Ok(results) => results,
             Err(unwritten) => return Err(self.save_what_fits(&mut watcher, unwritten).into()),
         };
-        if !self.quiet {
+        watcher.progress.end(&report.status, self.islands.time());
+        if !self.quiet && !watcher.progress.is_json() {
             let folder = watcher.output.folder();
             say(&summary::summary(&self.scene, &report, folder, &written));
             if written.contains(&view::FILE) {
@@ -194,7 +207,7 @@ impl Run {
         Ok(match ending {
             report::Ending::Finished => Ending::Done,
             report::Ending::Interrupted => {
-                let time = summary::short(self.islands.time());
+                let time = short(self.islands.time());
                 say_error(&format!(
                     "interrupted at {time} s; everything up to then is written"
                 ));
@@ -232,15 +245,10 @@ impl Run {
         self.islands.trial_time().saturating_sub(self.trials_before)
     }
 
-    fn watcher(&self, output: Output) -> Watcher {
+    fn watcher(&self, output: Output, progress: Progress) -> Watcher {
         Watcher {
             is_interrupted: self.signals.is_interrupted(),
-            progress: if self.quiet {
-                ProgressBar::hidden()
-            } else {
-                progress_bar()
-            },
-            last_drawn: Instant::now(),
+            progress,
             duration: self.islands.duration(),
             output,
             stepping: Duration::ZERO,
@@ -345,7 +353,7 @@ impl Run {
         if can_go_on {
             saved.push(CHECKPOINT.to_owned());
         }
-        let time = summary::short(self.islands.time());
+        let time = short(self.islands.time());
         let advice = if saved.is_empty() {
             format!("nothing of the run could be saved; it had come to {time} s")
         } else if can_go_on {

@@ -3,7 +3,7 @@
 use super::Ending;
 use super::signals::Signals;
 use super::statics::{StaticsArguments, Work, equilibrium_files, sentence_from};
-use super::summary::short;
+use springs::inspect::short;
 use springs::io::{PATH, PathReport, PathRow, SettleReport, write_path};
 use springs::statics::{LoadPath, PathEnd, settle, trace};
 

@@ -1,6 +1,6 @@
 //! What a run says at its end.
 
-use springs::inspect::count;
+use springs::inspect::{count, short, time};
 use springs::io::{Report, SecondsReport};
 use springs::scene::{Scene, printable};
 use std::path::Path;
@@ -204,31 +204,6 @@ fn percent(part: f64) -> String {
     }
 }
 
-/// Four significant digits.
-pub(crate) fn short(value: f64) -> String {
-    let text = format!("{value:.3e}");
-    let rounded: f64 = text.parse().unwrap_or(value);
-    match rounded.abs() {
-        0.0 => "0".to_owned(),
-        1e-3..1e7 => format!("{rounded}"),
-        _ => text,
-    }
-}
-
 fn joule(value: f64) -> String {
     format!("{} J", short(value))
-}
-
-/// "1.2 ms", "3.4 s", "5 min 6 s".
-fn time(seconds: f64) -> String {
-    match seconds {
-        s if s < 1e-3 => format!("{:.0} µs", s * 1e6),
-        s if s < 0.1 => format!("{:.1} ms", s * 1e3),
-        s if s < 1.0 => format!("{:.0} ms", s * 1e3),
-        s if s < 59.95 => format!("{s:.1} s"),
-        s => {
-            let whole = s.round() as u64;
-            format!("{} min {} s", whole / 60, whole % 60)
-        }
-    }
 }

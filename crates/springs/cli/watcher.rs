@@ -3,31 +3,19 @@
 
 use super::Unwritten;
 use super::output::Output;
-use indicatif::{ProgressBar, ProgressStyle};
+use super::progress::Progress;
 use springs::report::TurnedOver;
-use springs::step::{Account, Frame, Observer, Patience, Samples};
+use springs::step::{Account, Frame, Observer, Patience, Samples, StepRecord};
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Drawn to standard error, and only if that is a terminal. Its length is
-/// simulated time.
-pub(super) fn progress_bar() -> ProgressBar {
-    let style = ProgressStyle::with_template("{bar:32} {percent:>3} %  {msg}, {eta} left")
-        .expect("a template that is correct");
-    ProgressBar::new(PROGRESS).with_style(style)
-}
-
-/// Parts of the duration that the progress bar tells apart.
-const PROGRESS: u64 = 10_000;
-
 /// Writes frames, draws progress, notices an interrupt or when a checkpoint is
 /// due.
 pub(super) struct Watcher {
     pub(super) is_interrupted: Arc<AtomicBool>,
-    pub(super) progress: ProgressBar,
-    pub(super) last_drawn: Instant,
+    pub(super) progress: Progress,
     pub(super) duration: f64,
     pub(super) output: Output,
     pub(super) stepping: Duration,
@@ -44,9 +32,6 @@ pub(super) struct Watcher {
 
 /// Looks at the energies of a run, in equal intervals.
 const LOOKS: f64 = 64.0;
-
-/// Time between two drawings of the progress bar.
-const REDRAW: Duration = Duration::from_millis(100);
 
 impl Watcher {
     pub(super) fn is_interrupted(&self) -> bool {
@@ -77,11 +62,7 @@ const MOST_UNWRITTEN: usize = 1 << 28;
 
 impl Observer for Watcher {
     fn trial(&mut self, steps: u64) -> ControlFlow<()> {
-        if !self.progress.is_hidden() && self.last_drawn.elapsed() >= REDRAW {
-            self.progress
-                .set_message(format!("{steps} steps of trial runs"));
-            self.last_drawn = Instant::now();
-        }
+        self.progress.trial(steps);
         if self.is_interrupted() {
             ControlFlow::Break(())
         } else {
@@ -122,13 +103,14 @@ impl Observer for Watcher {
         self.write(|output| output.account(&account))
     }
 
+    fn record(&mut self, record: &StepRecord) {
+        self.progress.record(record);
+        // What could not be written ends the run below.
+        let _ = self.write(|output| output.step(record));
+    }
+
     fn step(&mut self, time: f64, steps: u64) -> ControlFlow<()> {
-        if !self.progress.is_hidden() && self.last_drawn.elapsed() >= REDRAW {
-            let done = time / self.duration;
-            self.progress.set_position((done * PROGRESS as f64) as u64);
-            self.progress.set_message(format!("{time:.3} s simulated"));
-            self.last_drawn = Instant::now();
-        }
+        self.progress.come_to(time);
         if time >= self.next_look {
             self.is_look_due = true;
             self.next_look = time + self.duration / LOOKS;

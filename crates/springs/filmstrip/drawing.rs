@@ -1,142 +1,180 @@
 //! The picture: panels, axes, legend.
 
 use super::Panel;
+use super::marks::{Marks, draw_marks, draw_marks_legend};
 use super::strains::{Strains, colour, colour_of, strain};
 use super::view::View;
+use crate::drawing::{Area, Drawn, FINE, at, fine};
 use nalgebra::Vector3;
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
 use springs_scene::{Scene, printable};
-use std::fmt::Write as _;
 
 /// Size of the drawing in a panel, in pixels.
 pub(super) const WIDTH: f64 = 300.0;
 pub(super) const HEIGHT: f64 = 260.0;
-const MARGIN: f64 = 16.0;
+pub(super) const MARGIN: f64 = 16.0;
 const TITLE: f64 = 58.0;
 const FOOTER: f64 = 72.0;
 /// More springs than this in a panel cannot be told apart.
 const MOST_SPRINGS: usize = 20_000;
 
-/// Draws the panels with the springs of `scene`, coloured by strain.
+pub(super) const DARK: RGBColor = RGBColor(0x22, 0x22, 0x22);
+pub(super) const GREY: RGBColor = RGBColor(0x55, 0x55, 0x55);
+const PALE: RGBColor = RGBColor(0xfa, 0xfa, 0xfa);
+const FRAME: RGBColor = RGBColor(0xdd, 0xdd, 0xdd);
+
+/// Draws the panels with the springs of `scene`, coloured by strain, its supports and loads,
+/// and what is left of broken springs.
 ///
 /// All panels share view, scale and colours. The view is along the direction
 /// in which nothing extends, if there is one, and slanted otherwise, with
-/// gravity pointing down.
+/// gravity pointing down. Loads are those of the scene at the time of each panel.
 ///
 /// # Panics
 ///
-/// If a panel does not have the nodes of the scene.
+/// If a panel does not have the nodes of the scene, or breaks a spring that is not there.
 pub fn filmstrip(scene: &Scene, panels: &[Panel]) -> String {
     for panel in panels {
         assert_eq!(panel.positions.len(), scene.nodes.len(), "the same nodes");
     }
-    let view = View::of(scene, panels);
-    let strains = Strains::of(scene, panels);
     let n = panels.len().max(1) as f64;
     let width = n * WIDTH + (n + 1.0) * MARGIN;
     let height = TITLE + HEIGHT + FOOTER;
-    let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
-         viewBox=\"0 0 {width} {height}\" font-family=\"sans-serif\">\n\
-         <rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n\
-         <text x=\"{MARGIN}\" y=\"28\" font-size=\"18\" fill=\"#222\">{}</text>\n",
-        escape(&printable(&scene.name))
-    );
-    for (index, panel) in panels.iter().enumerate() {
-        let left = MARGIN + index as f64 * (WIDTH + MARGIN);
-        draw_panel(&mut svg, scene, panel, &view, strains.range, left);
-    }
-    draw_axes(&mut svg, &view);
-    draw_legend(&mut svg, &view, &strains, width);
-    if scene.gravity != Vector3::zeros() {
-        let top = TITLE + HEIGHT + 66.0;
-        writeln!(
-            svg,
-            "<text x=\"{}\" y=\"{top}\" font-size=\"12\" fill=\"#555\" \
-             text-anchor=\"end\">gravity ↓</text>",
-            width - MARGIN
-        )
-        .expect("writing to a string");
-    }
-    svg.push_str("</svg>\n");
-    svg
+    fine((width as u32, height as u32), |root| {
+        let view = View::of(scene, panels);
+        let strains = Strains::of(scene, panels);
+        let marks = Marks::of(scene, panels);
+        let name = printable(&scene.name);
+        write(root, &name, [MARGIN, 28.0], (18.0, DARK), HPos::Left)?;
+        for (index, panel) in panels.iter().enumerate() {
+            let corner = [MARGIN + index as f64 * (WIDTH + MARGIN), TITLE];
+            let time = format!("t = {} s", round(panel.time));
+            write(root, &time, [corner[0], 48.0], (13.0, GREY), HPos::Left)?;
+            let frame = Rectangle::new(box_of(corner, [WIDTH, HEIGHT]), PALE.filled());
+            root.draw(&frame)?;
+            let frame = Rectangle::new(box_of(corner, [WIDTH, HEIGHT]), FRAME.stroke_width(FINE));
+            root.draw(&frame)?;
+            let place = Place {
+                scene,
+                panel,
+                view: &view,
+                corner,
+            };
+            draw_springs(root, &place, strains.range)?;
+            draw_marks(root, &place, &marks)?;
+        }
+        draw_axes(root, &view)?;
+        draw_legend(root, &view, &strains, width)?;
+        draw_marks_legend(root, &marks, TITLE + HEIGHT + 66.0)?;
+        if scene.gravity != Vector3::zeros() {
+            let place = [width - MARGIN, TITLE + HEIGHT + 66.0];
+            write(root, "gravity ↓", place, (12.0, GREY), HPos::Right)?;
+        }
+        Ok(())
+    })
 }
 
-fn draw_panel(svg: &mut String, scene: &Scene, panel: &Panel, view: &View, range: f64, left: f64) {
-    let line = |svg: &mut String, text: std::fmt::Arguments<'_>| {
-        writeln!(svg, "{text}").expect("writing to a string");
-    };
-    line(
-        svg,
-        format_args!(
-            "<text x=\"{left}\" y=\"48\" font-size=\"13\" fill=\"#555\">t = {} s</text>\n\
-             <g transform=\"translate({left} {TITLE})\">\n\
-             <rect width=\"{WIDTH}\" height=\"{HEIGHT}\" fill=\"#fafafa\" stroke=\"#ddd\"/>",
-            round(panel.time)
-        ),
-    );
-    for (node, position) in scene.nodes.iter().zip(&panel.positions) {
-        let [x, y] = view.project(position);
-        if node.fixed {
-            line(
-                svg,
-                format_args!(
-                    "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"5\" height=\"5\" fill=\"#222\"/>",
-                    x - 2.5,
-                    y - 2.5
-                ),
-            );
-        } else if node.mass > 0.0 {
-            line(
-                svg,
-                format_args!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3.5\" fill=\"#222\"/>"),
-            );
-        }
+/// A panel, and where it is in the picture.
+pub(super) struct Place<'a> {
+    pub(super) scene: &'a Scene,
+    pub(super) panel: &'a Panel,
+    pub(super) view: &'a View,
+    corner: [f64; 2],
+}
+
+impl Place<'_> {
+    /// Where a point of the scene is in the picture, in pixels.
+    pub(super) fn project(&self, point: &Vector3<f64>) -> [f64; 2] {
+        let [x, y] = self.view.project(point);
+        [self.corner[0] + x, self.corner[1] + y]
+    }
+}
+
+pub(super) fn box_of([left, top]: [f64; 2], [width, height]: [f64; 2]) -> [(i32, i32); 2] {
+    [at(left, top), at(left + width, top + height)]
+}
+
+/// A line of `width` pixels through points in pixels.
+pub(super) fn line(
+    root: &Area<'_>,
+    points: &[[f64; 2]],
+    (width, colour): (f64, RGBColor),
+) -> Drawn {
+    let points: Vec<_> = points.iter().map(|[x, y]| at(*x, *y)).collect();
+    let width = (width * f64::from(FINE)).round() as u32;
+    root.draw(&PathElement::new(points, colour.stroke_width(width)))
+}
+
+/// Text on a base line, its letters so many pixels high.
+pub(super) fn write(
+    root: &Area<'_>,
+    text: &str,
+    [x, base]: [f64; 2],
+    (size, colour): (f64, RGBColor),
+    along: HPos,
+) -> Drawn {
+    write_at(
+        root,
+        text,
+        [x, base + 0.26 * size],
+        (size, colour),
+        Pos::new(along, VPos::Bottom),
+    )
+}
+
+fn write_at(
+    root: &Area<'_>,
+    text: &str,
+    [x, y]: [f64; 2],
+    (size, colour): (f64, RGBColor),
+    anchor: Pos,
+) -> Drawn {
+    // Plotters means the height of a line.
+    let line = 1.24 * size * f64::from(FINE);
+    let style = TextStyle::from(("sans-serif", line).into_font()).color(&colour);
+    root.draw(&Text::new(text.to_owned(), at(x, y), style.pos(anchor)))
+}
+
+fn draw_springs(root: &Area<'_>, place: &Place<'_>, range: f64) -> Drawn {
+    let Place {
+        scene, panel, view, ..
+    } = *place;
+    let mut is_broken = vec![false; scene.springs.len()];
+    for &spring in &panel.broken {
+        is_broken[spring] = true;
     }
     let stride = scene.springs.len().div_ceil(MOST_SPRINGS).max(1);
     let mut drawn: Vec<(f64, usize)> = (0..scene.springs.len())
         .step_by(stride)
+        .filter(|&index| !is_broken[index])
         .map(|index| {
             let [a, b] = scene.springs[index].nodes.map(|node| panel.positions[node]);
             (view.toward.dot(&(a + b)), index)
         })
         .collect();
     drawn.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    let stroke = match scene.springs.len() {
+    let width = match scene.springs.len() {
         0..200 => 2.0,
         200..2000 => 1.2,
         _ => 0.7,
     };
-    line(
-        svg,
-        format_args!("<g fill=\"none\" stroke-width=\"{stroke}\" stroke-linecap=\"round\">"),
-    );
-    // Neighbours in depth that share a colour share a path.
-    let colour_at = |index: usize| {
+    for (_, index) in drawn {
         let spring = &scene.springs[index];
-        colour_of(strain(spring, &panel.positions), range)
-    };
-    for run in drawn.chunk_by(|a, b| colour_at(a.1) == colour_at(b.1)) {
-        let mut path = String::new();
-        for &(_, index) in run {
-            let ends = scene.springs[index].nodes.map(|node| panel.positions[node]);
-            let [[x0, y0], [x1, y1]] = ends.map(|end| view.project(&end));
-            write!(path, "M{x0:.1} {y0:.1}L{x1:.1} {y1:.1}").expect("writing to a string");
-        }
-        let colour = colour(colour_at(run[0].1));
-        line(
-            svg,
-            format_args!("<path stroke=\"{colour}\" d=\"{path}\"/>"),
-        );
+        let colour = colour(colour_of(strain(spring, &panel.positions), range));
+        let ends = spring
+            .nodes
+            .map(|node| place.project(&panel.positions[node]));
+        line(root, &ends, (width, colour))?;
     }
-    svg.push_str("</g>\n");
-    svg.push_str("</g>\n");
+    Ok(())
 }
 
 /// Length of an axis that lies in the picture, in pixels.
 const AXIS: f64 = 22.0;
 
 /// The directions of x, y and z, in a corner of the first panel.
-fn draw_axes(svg: &mut String, view: &View) {
+fn draw_axes(root: &Area<'_>, view: &View) -> Drawn {
     let (x, y) = (MARGIN + AXIS + 14.0, TITLE + HEIGHT - AXIS - 14.0);
     let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
     for (axis, name) in axes.into_iter().zip(["x", "y", "z"]) {
@@ -148,47 +186,31 @@ fn draw_axes(svg: &mut String, view: &View) {
         }
         let tip = [x + AXIS * right, y - AXIS * up];
         let beyond = [tip[0] + 8.0 * right / length, tip[1] - 8.0 * up / length];
-        writeln!(
-            svg,
-            "<path stroke=\"#555\" d=\"M{x:.1} {y:.1}L{:.1} {:.1}\"/>\n\
-             <text x=\"{:.1}\" y=\"{:.1}\" font-size=\"11\" fill=\"#555\" \
-             text-anchor=\"middle\" dominant-baseline=\"central\">{name}</text>",
-            tip[0], tip[1], beyond[0], beyond[1]
-        )
-        .expect("writing to a string");
+        line(root, &[[x, y], tip], (1.0, GREY))?;
+        let middle = Pos::new(HPos::Center, VPos::Center);
+        write_at(root, name, beyond, (11.0, GREY), middle)?;
     }
+    Ok(())
 }
 
-fn draw_legend(svg: &mut String, view: &View, strains: &Strains, width: f64) {
+fn draw_legend(root: &Area<'_>, view: &View, strains: &Strains, width: f64) -> Drawn {
     let top = TITLE + HEIGHT + 22.0;
     let (bar, cell) = (width.min(300.0) - 2.0 * MARGIN, 12.0);
     // Only what occurs: a spring cannot lose more than its length, and a net
     // under tension has none in compression.
     let colours = strains.colours();
-    let part = bar / colours.clone().count() as f64;
-    for (place, index) in colours.enumerate() {
-        writeln!(
-            svg,
-            "<rect x=\"{:.1}\" y=\"{top}\" width=\"{:.1}\" height=\"{cell}\" fill=\"{}\"/>",
-            MARGIN + part * place as f64,
-            part + 0.5,
-            colour(index)
-        )
-        .expect("writing to a string");
+    let n = colours.clone().count() as f64;
+    for (k, index) in colours.enumerate() {
+        let left = MARGIN + bar * k as f64 / n;
+        let corners = box_of([left, top], [bar / n + 0.5, cell]);
+        root.draw(&Rectangle::new(corners, colour(index).filled()))?;
     }
-    let mut label = |x: f64, anchor: &str, text: &str| {
-        writeln!(
-            svg,
-            "<text x=\"{x}\" y=\"{}\" font-size=\"12\" fill=\"#555\" \
-             text-anchor=\"{anchor}\">{text}</text>",
-            top + 28.0
-        )
-        .expect("writing to a string");
-    };
+    let label =
+        |x: f64, along: HPos, text: &str| write(root, text, [x, top + 28.0], (12.0, GREY), along);
     let [low, high] = strains.labels();
-    label(MARGIN, "start", &low);
-    label(MARGIN + 0.5 * bar, "middle", "strain");
-    label(MARGIN + bar, "end", &high);
+    label(MARGIN, HPos::Left, &low)?;
+    label(MARGIN + 0.5 * bar, HPos::Center, "strain")?;
+    label(MARGIN + bar, HPos::Right, &high)?;
     let scale_bar = nice_below(80.0 / view.scale[0]);
     let pixels = scale_bar * view.scale[0];
     let end = width - MARGIN;
@@ -196,14 +218,13 @@ fn draw_legend(svg: &mut String, view: &View, strains: &Strains, width: f64) {
         factor if factor > 1.0 => format!(", heights ×{factor}"),
         _ => String::new(),
     };
-    label(end, "end", &format!("{} m{heights}", round(scale_bar)));
-    writeln!(
-        svg,
-        "<path stroke=\"#222\" stroke-width=\"2\" d=\"M{:.1} {y:.1}H{end:.1}\"/>",
-        end - pixels,
-        y = top + 0.5 * cell
-    )
-    .expect("writing to a string");
+    label(
+        end,
+        HPos::Right,
+        &format!("{} m{heights}", round(scale_bar)),
+    )?;
+    let y = top + 0.5 * cell;
+    line(root, &[[end - pixels, y], [end, y]], (2.0, DARK))
 }
 
 /// The largest of 1, 2, 5, 10, … that is not above `value`.
@@ -229,13 +250,6 @@ pub(super) fn round(value: f64) -> String {
     }
 }
 
-/// Text as the content of an XML element.
-fn escape(text: &str) -> String {
-    text.replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('>', "&gt;")
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::strains::COLOURS;
@@ -251,9 +265,9 @@ mod tests {
 
     #[test]
     fn colours_run_from_blue_over_grey_to_red() {
-        assert_eq!(colour(0), "#1450aa");
-        assert_eq!(colour(COLOURS / 2), "#bebebe");
-        assert_eq!(colour(COLOURS - 1), "#be1928");
+        assert_eq!(colour(0), RGBColor(0x14, 0x50, 0xaa));
+        assert_eq!(colour(COLOURS / 2), RGBColor(0xbe, 0xbe, 0xbe));
+        assert_eq!(colour(COLOURS - 1), RGBColor(0xbe, 0x19, 0x28));
         assert_eq!(colour_of(Some(-0.2), 0.2), 0);
         assert_eq!(colour_of(None, 0.2), COLOURS / 2);
     }
@@ -272,6 +286,7 @@ mod tests {
         let panel = Panel {
             time: 0.0,
             positions: scene.nodes.iter().map(|node| node.position).collect(),
+            broken: Vec::new(),
         };
         let view = View::of(&scene, std::slice::from_ref(&panel));
         assert!((view.up - Vector3::z()).norm() < 1e-12);
@@ -286,6 +301,7 @@ mod tests {
         let panel = Panel {
             time: 0.0,
             positions: Vec::new(),
+            broken: Vec::new(),
         };
         assert!(filmstrip(&Scene::default(), &[panel]).ends_with("</svg>\n"));
     }
@@ -305,6 +321,7 @@ mod tests {
             let panel = Panel {
                 time: 0.0,
                 positions: scene.nodes.iter().map(|node| node.position).collect(),
+                broken: Vec::new(),
             };
             Strains::of(&scene, &[panel])
         };

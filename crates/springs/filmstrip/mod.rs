@@ -1,6 +1,7 @@
 //! A few moments of a run side by side, as an SVG picture.
 
 mod drawing;
+mod marks;
 mod strains;
 mod view;
 
@@ -12,7 +13,7 @@ use springs_io::{
     ContinueError, Mark, ResumeSink, RunEnd, RunPlan, Sink, SinkKind, TrajectoryFrame, WriteError,
     write_whole,
 };
-use springs_scene::Scene;
+use springs_scene::{Scene, Spring};
 use std::path::{Path, PathBuf};
 
 /// One moment of a run.
@@ -22,6 +23,8 @@ pub struct Panel {
     pub time: f64,
     /// Position of every node of the scene, in m.
     pub positions: Vec<Vector3<f64>>,
+    /// The springs that are broken then, ascending.
+    pub broken: Vec<usize>,
 }
 
 const FILE: &str = "filmstrip.svg";
@@ -68,6 +71,8 @@ struct Panels {
     path: PathBuf,
     /// Index of the frame in the middle.
     middle: usize,
+    /// Springs can break.
+    can_break: bool,
     panels: Vec<Panel>,
 }
 
@@ -76,17 +81,25 @@ impl Panels {
         Self {
             path: folder.join(FILE),
             middle: plan.intervals / 2,
+            can_break: plan.scene.springs.iter().any(Spring::is_breakable),
             panels,
         }
     }
 }
 
 impl Sink for Panels {
+    fn wants_members(&self) -> bool {
+        self.can_break
+    }
+
     fn frame(&mut self, frame: &TrajectoryFrame<'_>) -> Result<(), WriteError> {
         if frame.index == 0 || frame.index == self.middle {
             self.panels.push(Panel {
                 time: frame.time,
                 positions: frame.positions.to_vec(),
+                broken: frame
+                    .members
+                    .map_or(Vec::new(), |members| members.broken.to_vec()),
             });
         }
         Ok(())
@@ -103,27 +116,40 @@ impl Sink for Panels {
             self.panels.push(Panel {
                 time: end.time,
                 positions: end.scene.nodes.iter().map(|node| node.position).collect(),
+                broken: broken_of(end.scene),
             });
         }
-        let picture = filmstrip(end.scene, &self.panels);
+        // Its loads are where they are at the end.
+        let mut scene = end.scene.clone();
+        scene.shift_time(-end.time);
+        let picture = filmstrip(&scene, &self.panels);
         write_whole(&self.path, picture.as_bytes())
     }
 }
 
-/// Time and positions of a panel, bit by bit.
-type PanelBits = (u64, Vec<[u64; 3]>);
+/// The springs that are broken, ascending.
+fn broken_of(scene: &Scene) -> Vec<usize> {
+    let springs = scene.springs.iter().enumerate();
+    let broken = springs.filter(|(_, spring)| spring.broken);
+    broken.map(|(index, _)| index).collect()
+}
+
+/// Time and positions of a panel, bit by bit, and its broken springs.
+type PanelBits = (u64, Vec<[u64; 3]>, Vec<usize>);
 
 fn bits_of(panel: &Panel) -> PanelBits {
     let bits = |x: &Vector3<f64>| <[f64; 3]>::from(*x).map(f64::to_bits);
     let positions = panel.positions.iter().map(bits);
-    (panel.time.to_bits(), positions.collect())
+    let broken = panel.broken.clone();
+    (panel.time.to_bits(), positions.collect(), broken)
 }
 
-fn panel_of((time, positions): PanelBits) -> Panel {
+fn panel_of((time, positions, broken): PanelBits) -> Panel {
     let vector = |bits: [u64; 3]| Vector3::from(bits.map(f64::from_bits));
     Panel {
         time: f64::from_bits(time),
         positions: positions.into_iter().map(vector).collect(),
+        broken,
     }
 }
 
@@ -133,4 +159,9 @@ fn fits(panel: &Panel, scene: &Scene) -> bool {
     panel.time.is_finite()
         && panel.positions.len() == scene.nodes.len()
         && numbers.all(|number| number.is_finite())
+        && panel.broken.is_sorted()
+        && panel
+            .broken
+            .last()
+            .is_none_or(|last| *last < scene.springs.len())
 }

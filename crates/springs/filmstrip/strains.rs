@@ -3,6 +3,7 @@
 use super::Panel;
 use super::drawing::round;
 use nalgebra::Vector3;
+use plotters::style::RGBColor;
 use springs_scene::{Scene, Spring};
 
 /// Relative change of length; `None` without a rest length.
@@ -23,9 +24,11 @@ pub(super) struct Strains {
 
 impl Strains {
     pub(super) fn of(scene: &Scene, panels: &[Panel]) -> Self {
+        // Those of broken springs say nothing.
         let strains = panels.iter().flat_map(|panel| {
-            let springs = scene.springs.iter();
-            springs.filter_map(|spring| strain(spring, &panel.positions))
+            let springs = scene.springs.iter().enumerate();
+            let whole = springs.filter(|(index, _)| panel.broken.binary_search(index).is_err());
+            whole.filter_map(|(_, spring)| strain(spring, &panel.positions))
         });
         let strains: Vec<f64> = strains.filter(|strain| strain.is_finite()).collect();
         let ends = strains.iter().fold([0.0f64; 2], |[low, high], &strain| {
@@ -70,7 +73,7 @@ pub(super) const COLOURS: usize = 17;
 
 /// Compressed blue, neutral grey, stretched red: apart for the colour-blind
 /// and in print.
-pub(super) fn colour(index: usize) -> String {
+pub(super) fn colour(index: usize) -> RGBColor {
     let middle = (COLOURS / 2) as f64;
     let signed = (index as f64 - middle) / middle;
     let end = if signed < 0.0 {
@@ -82,7 +85,7 @@ pub(super) fn colour(index: usize) -> String {
         let share = signed.abs().powf(0.7);
         (190.0 + (end[axis] - 190.0) * share).round() as u8
     };
-    format!("#{:02x}{:02x}{:02x}", channel(0), channel(1), channel(2))
+    RGBColor(channel(0), channel(1), channel(2))
 }
 
 pub(super) fn colour_of(strain: Option<f64>, range: f64) -> usize {

@@ -2,25 +2,10 @@
 
 use super::order::observed_order;
 use super::{Study, Trial};
+use crate::drawing::{Area, COLOURS, Drawn, picture};
 use crate::inspect::count;
-use plotters::coord::Shift;
 use plotters::prelude::*;
 use springs_scene::printable;
-
-/// Colours that the colour-blind tell apart (after Okabe and Ito), darkest first
-/// for print.
-const COLOURS: [RGBColor; 10] = [
-    RGBColor(0, 0, 0),
-    RGBColor(0, 114, 178),
-    RGBColor(213, 94, 0),
-    RGBColor(0, 158, 115),
-    RGBColor(204, 121, 167),
-    RGBColor(230, 159, 0),
-    RGBColor(86, 180, 233),
-    RGBColor(120, 120, 120),
-    RGBColor(110, 60, 20),
-    RGBColor(150, 150, 0),
-];
 
 const SIZE: (u32, u32) = (900, 560);
 const LEGEND: u32 = 260;
@@ -30,17 +15,11 @@ const MARK: i32 = 4;
 /// observed order, as SVG. Errors below the uncertainty of the reference are
 /// shaded, worthless results left out. Empty if there is nothing to draw.
 pub fn diagram(study: &Study) -> String {
-    let mut svg = String::new();
     let curves = curves(study);
     if curves.is_empty() {
-        return svg;
+        return String::new();
     }
-    {
-        let root = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
-        draw(study, &curves, &root).expect("drawing into memory");
-        root.present().expect("drawing into memory");
-    }
-    svg
+    picture(SIZE, |root| draw(study, &curves, root))
 }
 
 /// The runs of one method, largest error first.
@@ -63,11 +42,7 @@ fn curves(study: &Study) -> Vec<Curve<'_>> {
     curves
 }
 
-type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-type DrawResult = Result<(), DrawingAreaErrorKind<std::io::Error>>;
-
-fn draw(study: &Study, curves: &[Curve<'_>], root: &Area<'_>) -> DrawResult {
-    root.fill(&WHITE)?;
+fn draw(study: &Study, curves: &[Curve<'_>], root: &Area<'_>) -> Drawn {
     let (left, right) = root.split_horizontally(SIZE.0 - LEGEND);
     let all = || curves.iter().flat_map(|curve| &curve.trials);
     let range = |value: fn(&Trial) -> f64| {

@@ -2,6 +2,7 @@
 
 use super::run::{Case, Clock};
 use super::{Options, Progress, StudyError};
+use crate::drawing::{Area, Drawn, picture};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use serde::Serialize;
@@ -249,7 +250,6 @@ const NOTES: [&str; 2] = [
 /// Draws a map per method, step size to the right and stiffness upwards, as SVG.
 /// Empty if there is nothing to draw.
 pub fn stability_diagram(map: &StabilityMap) -> String {
-    let mut svg = String::new();
     let mut methods: Vec<&str> = Vec::new();
     for trial in &map.trials {
         if !methods.contains(&trial.method.as_str()) {
@@ -257,7 +257,7 @@ pub fn stability_diagram(map: &StabilityMap) -> String {
         }
     }
     if methods.is_empty() {
-        return svg;
+        return String::new();
     }
     let columns = COLUMNS.min(methods.len());
     let rows = methods.len().div_ceil(columns) as u32;
@@ -266,16 +266,9 @@ pub fn stability_diagram(map: &StabilityMap) -> String {
         (PANEL.0 * columns as u32).max(3 * PANEL.0),
         CAPTION + PANEL.1 * rows + legend,
     );
-    {
-        let root = SVGBackend::with_string(&mut svg, size).into_drawing_area();
-        draw(map, &methods, columns, (size.1 - legend) as i32, &root).expect("drawing into memory");
-        root.present().expect("drawing into memory");
-    }
-    svg
+    let top = (size.1 - legend) as i32;
+    picture(size, |root| draw(map, &methods, columns, top, root))
 }
-
-type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
-type DrawResult = Result<(), DrawingAreaErrorKind<std::io::Error>>;
 
 fn draw(
     map: &StabilityMap,
@@ -283,8 +276,7 @@ fn draw(
     columns: usize,
     legend: i32,
     root: &Area<'_>,
-) -> DrawResult {
-    root.fill(&WHITE)?;
+) -> Drawn {
     let title = match map.scene.as_str() {
         "" => "stability over step and stiffness".to_owned(),
         name => format!("{}: stability over step and stiffness", printable(name)),
@@ -312,13 +304,13 @@ fn draw(
     Ok(())
 }
 
-fn swatch(root: &Area<'_>, (x, y): (i32, i32), colour: RGBColor) -> DrawResult {
+fn swatch(root: &Area<'_>, (x, y): (i32, i32), colour: RGBColor) -> Drawn {
     let corners = [(x, y), (x + 12, y + 12)];
     root.draw(&Rectangle::new(corners, colour.filled()))?;
     root.draw(&Rectangle::new(corners, BLACK.stroke_width(1)))
 }
 
-fn panel(map: &StabilityMap, method: &str, (left, top): (i32, i32), root: &Area<'_>) -> DrawResult {
+fn panel(map: &StabilityMap, method: &str, (left, top): (i32, i32), root: &Area<'_>) -> Drawn {
     let (x0, y0) = (left + MARGINS.0, top + MARGINS.1);
     let width = PANEL.0 as i32 - MARGINS.0 - MARGINS.2;
     let height = PANEL.1 as i32 - MARGINS.1 - MARGINS.3;

@@ -74,9 +74,16 @@ impl<'a> Shows<'a> {
             }
             Shown::Tension => frames.read(Quantity::Tension, frame, to)?,
             Shown::Strain => {
+                let mut tensions = Vec::new();
                 frames.read(Quantity::Length, frame, numbers)?;
-                let lengths = numbers.iter().zip(&self.scene.springs);
-                to.extend(lengths.map(|(length, spring)| strain(spring, *length).unwrap_or(0.0)));
+                frames.read(Quantity::Tension, frame, &mut tensions)?;
+                let members = numbers.iter().zip(&tensions).zip(&self.scene.springs);
+                to.extend(members.map(|((length, tension), spring)| {
+                    // How far the ends of a broken one are apart is no strain.
+                    let is_whole = !spring.broken || *tension != 0.0;
+                    let strain = strain(spring, *length).filter(|_| is_whole);
+                    strain.unwrap_or(0.0)
+                }));
             }
         }
         if to.iter().all(|number| number.is_finite()) {
@@ -85,6 +92,17 @@ impl<'a> Shows<'a> {
             let what = format!("frame {frame} has numbers that are not finite");
             Err(io::Error::new(io::ErrorKind::InvalidData, what))
         }
+    }
+
+    /// Reads lengths and tensions of the springs at a frame.
+    pub(super) fn read_members(
+        &mut self,
+        frame: usize,
+        lengths: &mut Vec<f64>,
+        tensions: &mut Vec<f64>,
+    ) -> io::Result<()> {
+        self.frames.read(Quantity::Length, frame, lengths)?;
+        self.frames.read(Quantity::Tension, frame, tensions)
     }
 
     /// Positions of the first, the middle and the last frame.
@@ -115,7 +133,7 @@ fn compliance(spring: &Spring) -> f64 {
 
 /// The frames of a run that are shown, and their ranges.
 pub(super) struct Survey {
-    kept: Vec<usize>,
+    pub(super) kept: Vec<usize>,
     pub(super) stride: usize,
     pub(super) times: Vec<f64>,
     /// Of each of [`Shown::ALL`].
@@ -128,6 +146,8 @@ pub(super) struct Survey {
 /// Numbers that a browser is asked to keep at once.
 const MOST_NUMBERS: usize = 64_000_000;
 const MOST_BITS: u32 = 16;
+/// A time in words takes as many letters as so many bytes of an array.
+const BYTES_OF_TIME: usize = 15;
 
 impl Survey {
     /// Looks at all frames once.
@@ -197,7 +217,8 @@ impl Survey {
         let mut slack = self.slack(shows)?;
         loop {
             let sizes = arrays.iter().map(|(_, array)| array.packed.bytes.len());
-            if sizes.sum::<usize>() + slack.len() <= room {
+            let times = BYTES_OF_TIME * self.times.len();
+            if sizes.sum::<usize>() + slack.len() + times <= room {
                 break;
             }
             // The largest that may still be smaller.
@@ -325,4 +346,103 @@ pub(super) fn pack_springs(springs: &[Spring]) -> Vec<u8> {
             .flat_map(|spring| compliance(spring).to_le_bytes()),
     );
     bytes.finish()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use springs_io::{
+        FrameMembers, Npz, RunEnd, RunPlan, SinkKind as _, TrajectoryFrame, open_npz,
+    };
+    use springs_scene::Node;
+
+    const FRAMES: usize = 257;
+
+    /// Frames of noise, which nothing makes small.
+    fn noise(scene: &Scene) -> FrameFile {
+        let folder = tempfile::tempdir().unwrap();
+        let plan = RunPlan {
+            scene,
+            intervals: FRAMES - 1,
+        };
+        let mut sink = Npz.begin(folder.path(), &plan).unwrap();
+        let mut seed = 1_u64;
+        let mut random = || {
+            seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1);
+            (seed >> 40) as f64
+        };
+        for index in 0..FRAMES {
+            let mut vectors = || -> Vec<Vector3<f64>> {
+                let nodes = scene.nodes.iter();
+                nodes
+                    .map(|_| Vector3::new(random(), random(), random()))
+                    .collect()
+            };
+            let (positions, velocities) = (vectors(), vectors());
+            let tensions: Vec<f64> = scene.springs.iter().map(|_| random()).collect();
+            let frame = TrajectoryFrame {
+                index,
+                time: index as f64,
+                positions: &positions,
+                velocities: &velocities,
+                members: Some(FrameMembers {
+                    springs: &scene.springs,
+                    tensions: &tensions,
+                    broken: &[],
+                    yielded: &[],
+                    reactions: &[],
+                }),
+            };
+            sink.frame(&frame).unwrap();
+        }
+        let end = RunEnd {
+            scene,
+            time: FRAMES as f64,
+            peaks: &[],
+        };
+        sink.finish(&end).unwrap();
+        open_npz(&folder.path().join(Npz::FILE)).unwrap()
+    }
+
+    /// With less and less room, numbers lose bits down to the fewest, and then frames are left
+    /// out: always every so many-th is kept, and the last one.
+    #[test]
+    fn what_has_no_room_loses_bits_and_then_frames() {
+        let mut scene = Scene::default();
+        for x in 0..5 {
+            scene.add_node(Node::at(Vector3::x() * f64::from(x)));
+        }
+        for x in 0..4 {
+            scene.add_spring(x, x + 1, 1.0);
+        }
+        let mut shows = Shows::new(noise(&scene), &scene);
+        let mut last = usize::MAX;
+        let mut strides = Vec::new();
+        for room in [1_000_000, 17_000, 12_000, 3_000] {
+            let mut survey = Survey::of(&mut shows).unwrap();
+            assert_eq!((survey.stride, survey.kept.len()), (1, FRAMES));
+            let arrays = survey.pack(&mut shows, room).unwrap();
+            let packed = [&arrays.position, &arrays.speed, &arrays.tension];
+            let packed = packed.into_iter().chain(&arrays.strain);
+            let sizes = packed.map(|array| array.packed.bytes.len());
+            let size = sizes.sum::<usize>() + arrays.slack.len();
+            assert!(
+                size + BYTES_OF_TIME * survey.times.len() <= room,
+                "{size} in {room}"
+            );
+            assert!(size < last, "{size} in {room}");
+            last = size;
+            assert_eq!(survey.kept, kept(FRAMES, survey.stride));
+            assert_eq!(survey.kept.last(), Some(&(FRAMES - 1)));
+            let times = survey.kept.iter().map(|frame| *frame as f64);
+            assert!(survey.times.iter().copied().eq(times));
+            strides.push((survey.stride, arrays.position.bits));
+        }
+        assert_eq!(strides[0], (1, MOST_BITS));
+        assert!(strides[1].0 == 1 && strides[1].1 < MOST_BITS, "{strides:?}");
+        assert!(
+            strides[3].0 > strides[2].0 && strides[2].0 > 1,
+            "{strides:?}"
+        );
+    }
 }

@@ -1,6 +1,7 @@
 //! `view.html`: a run to look at in a browser, in one page that needs nothing else.
 
 mod contents;
+mod marks;
 mod page;
 mod quantized;
 

@@ -2,6 +2,7 @@
 
 use super::FILE;
 use super::contents::{Arrays, Shows, Survey, pack_springs};
+use super::marks::{Changes, ShownLoad, loads};
 use super::quantized::base64;
 use crate::filmstrip::{axes, up_of};
 use serde::Serialize;
@@ -17,9 +18,10 @@ use std::path::{Path, PathBuf};
 const HTML: &str = include_str!("page/page.html");
 const STYLE: &str = include_str!("page/page.css");
 /// In the order in which they use each other.
-const SCRIPTS: [&str; 5] = [
+const SCRIPTS: [&str; 6] = [
     include_str!("page/decode.js"),
     include_str!("page/camera.js"),
+    include_str!("page/loads.js"),
     include_str!("page/picture.js"),
     include_str!("page/plot.js"),
     include_str!("page/main.js"),
@@ -116,6 +118,7 @@ pub fn page_of(folder: &Path, scene: &Scene) -> Result<String, ViewError> {
     // Four letters for three bytes.
     let room = largest / 4 * 3 - ROOM_FOR_OTHERS - springs.len();
     let arrays = survey.pack(&mut shows, room).map_err(read)?;
+    let changes = Changes::of(scene, &mut shows, &survey.kept).map_err(read)?;
     let header = Header {
         name: &scene.name,
         nodes: size.n_nodes,
@@ -125,10 +128,11 @@ pub fn page_of(folder: &Path, scene: &Scene) -> Result<String, ViewError> {
         up: up_of(&scene.gravity).into(),
         toward: toward.into(),
         supports: supports(&scene.nodes),
+        loads: loads(scene),
         energies,
         arrays: &arrays,
     };
-    Ok(page(&header, &springs))
+    Ok(page(&header, [&springs, &changes.pack()]))
 }
 
 /// What the page says in words and few numbers, in SI units.
@@ -146,6 +150,8 @@ struct Header<'a> {
     toward: [f64; 3],
     /// Nodes that are held: index and how.
     supports: Vec<(usize, Support)>,
+    /// `None` where there are too many to show.
+    loads: Option<Vec<ShownLoad>>,
     energies: Option<Energies>,
     arrays: &'a Arrays,
 }
@@ -169,7 +175,11 @@ fn supports(nodes: &[Node]) -> Vec<(usize, Support)> {
     held.collect()
 }
 
-/// The columns of `energy.csv` after the time, in J.
+/// Rows of energies that a page has: more than its plots have pixels.
+const MOST_ENERGIES: usize = 1000;
+
+/// The columns of `energy.csv` after the time, in J; of long tables every so many-th row, and
+/// the last one.
 #[derive(Serialize)]
 struct Energies {
     times: Vec<f64>,
@@ -197,7 +207,12 @@ fn energies_of(path: &Path) -> Result<Option<Energies>, ViewError> {
     let names: Vec<String> = header.map(str::to_owned).collect();
     let mut times = Vec::new();
     let mut columns = vec![Vec::new(); names.len()];
-    for line in lines {
+    let stride = (text.lines().count() - 1).div_ceil(MOST_ENERGIES).max(1);
+    let mut lines = lines.enumerate().peekable();
+    while let Some((row, line)) = lines.next() {
+        if row % stride != 0 && lines.peek().is_some() {
+            continue;
+        }
         let numbers = line.split(',').map(|number| number.parse().ok());
         let numbers: Vec<f64> = numbers.collect::<Option<_>>().ok_or_else(wrong)?;
         if numbers.len() != names.len() + 1 || numbers.iter().any(|one| !one.is_finite()) {
@@ -215,7 +230,7 @@ fn energies_of(path: &Path) -> Result<Option<Energies>, ViewError> {
     }))
 }
 
-fn page(header: &Header<'_>, springs: &[u8]) -> String {
+fn page(header: &Header<'_>, [springs, changes]: [&[u8]; 2]) -> String {
     let mut data = String::new();
     let json = serde_json::to_string(header).expect("finite numbers and texts");
     // No text may end the element.
@@ -238,6 +253,7 @@ fn page(header: &Header<'_>, springs: &[u8]) -> String {
         ("strain", strain),
         ("slack", Some(&arrays.slack[..])),
         ("springs", Some(springs)),
+        ("changes", Some(changes)),
     ];
     for (name, bytes) in parts {
         if let Some(bytes) = bytes {

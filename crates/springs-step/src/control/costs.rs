@@ -2,7 +2,7 @@
 //! operations of a step have prices, beside the solver's [`Price`].
 
 use crate::implicit::solver_options;
-use crate::method::table::properties;
+use crate::method::table::{ToleranceKind, UsualStep, properties};
 use crate::{Counts, SetupError};
 use springs_assembly::System;
 use springs_scene::Method;
@@ -46,6 +46,33 @@ impl CostModel {
     pub fn of_run(&self, method: Method, counts: &Counts) -> Option<f64> {
         let evaluation = self.evaluation(properties(method)?.node_cost);
         Some(self.of_counts(counts, evaluation))
+    }
+
+    /// Of a system whose matrices are not looked at: for methods that have none.
+    pub fn without_matrix(system: &System) -> Self {
+        Self::without_fill(system)
+    }
+
+    /// What a usual step costs, in ns; with error control, if it `estimates` its error, as an attempt
+    /// does. `None` for `Auto`, which is no method.
+    pub fn of_step(&self, method: Method, estimates: bool) -> Option<f64> {
+        let row = properties(method)?;
+        let times = if estimates && row.tolerance == ToleranceKind::Doubling {
+            3.0
+        } else {
+            1.0
+        };
+        let UsualStep {
+            evaluations,
+            linearizations,
+            solves,
+        } = row.usual_step;
+        let of_matrix = self.linearization + self.system.matrix;
+        let of_solve = self.system.solution + USUAL_ITERATIONS * self.system.iteration;
+        let work = evaluations * self.evaluation(row.node_cost)
+            + linearizations * of_matrix
+            + solves * of_solve;
+        Some(times * work + self.attempt())
     }
 
     /// As little as it can be, until the system is [learnt](Self::learn_system).

@@ -36,11 +36,43 @@ pub struct Properties {
     /// `Auto` tries it: evaluations of forces that an attempt takes, for a whole step and
     /// two halves where there is no estimate of its own; 0 with a matrix.
     pub(crate) tried_evaluations: Option<f64>,
+    /// What a step does, mostly.
+    pub(crate) usual_step: UsualStep,
     /// What an explicit method itself does per node and evaluation, in ns.
     pub(crate) node_cost: f64,
     /// What its matrix has, if there is one.
     hessian: fn(Option<Tangent>) -> Option<Hessian>,
     build: Build,
+}
+
+/// What a step of a method does, mostly, without an estimate of its error by doubling.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct UsualStep {
+    /// Evaluations of forces alone.
+    pub(crate) evaluations: f64,
+    /// Evaluations of forces and matrix, each with a new factor or preconditioner.
+    pub(crate) linearizations: f64,
+    /// Solutions of linear systems.
+    pub(crate) solves: f64,
+}
+
+impl UsualStep {
+    const fn explicit(evaluations: f64) -> Self {
+        Self {
+            evaluations,
+            linearizations: 0.0,
+            solves: 0.0,
+        }
+    }
+
+    /// So many Newton iterations.
+    const fn newton(iterations: f64) -> Self {
+        Self {
+            evaluations: 0.0,
+            linearizations: iterations,
+            solves: iterations,
+        }
+    }
 }
 
 type Build = fn(&System, &Choice) -> Result<Box<dyn Method>, SolveError>;
@@ -67,6 +99,7 @@ static TABLE: [Properties; 10] = [
         order: 8,
         stable_angle: Some(5.9),
         tried_evaluations: Some(12.0),
+        usual_step: UsualStep::explicit(12.0),
         node_cost: 18.0,
         build: |system, _| Ok(Box::new(Dop853::new(system))),
         ..explicit(scene::Method::Dop853)
@@ -75,6 +108,7 @@ static TABLE: [Properties; 10] = [
         stable_angle: Some(2.0),
         is_compared_by_steps: true,
         tried_evaluations: Some(3.0),
+        usual_step: UsualStep::explicit(1.0),
         node_cost: 3.0,
         build: |system, choice| {
             Ok(match choice.pace {
@@ -95,6 +129,7 @@ static TABLE: [Properties; 10] = [
         tolerance: ToleranceKind::Doubling,
         is_compared_by_steps: true,
         tried_evaluations: Some(18.0),
+        usual_step: UsualStep::explicit(6.0),
         node_cost: 3.0,
         build: |system, _| Ok(Box::new(Splitting::blanes_moan_4(system))),
         ..explicit(scene::Method::BlanesMoan4)
@@ -106,12 +141,14 @@ static TABLE: [Properties; 10] = [
         tolerance: ToleranceKind::Doubling,
         is_compared_by_steps: true,
         tried_evaluations: Some(33.0),
+        usual_step: UsualStep::explicit(11.0),
         node_cost: 3.0,
         build: |system, _| Ok(Box::new(Splitting::blanes_moan_6(system))),
         ..explicit(scene::Method::BlanesMoan6)
     },
     Properties {
         tried_evaluations: Some(0.0),
+        usual_step: UsualStep::newton(6.0),
         build: |system, choice| {
             let method = TrBdf2::new(system, &choice.options)?;
             Ok(Box::new(match choice.pace {
@@ -139,12 +176,14 @@ static TABLE: [Properties; 10] = [
     Properties {
         order: 1,
         tolerance: ToleranceKind::Doubling,
+        usual_step: UsualStep::newton(5.0),
         build: |system, choice| Ok(Box::new(ImplicitEuler::new(system, &choice.options)?)),
         ..implicit(scene::Method::ImplicitEuler)
     },
     Properties {
         tolerance: ToleranceKind::EqualSteps,
         is_compared_by_steps: true,
+        usual_step: UsualStep::newton(4.0),
         build: |system, choice| Ok(Box::new(ImplicitMidpoint::new(system, &choice.options)?)),
         ..implicit(scene::Method::ImplicitMidpoint)
     },
@@ -160,6 +199,10 @@ static TABLE: [Properties; 10] = [
         order: 4,
         moves_massless: false,
         treats_damping: false,
+        usual_step: UsualStep {
+            solves: 6.0,
+            ..UsualStep::newton(1.0)
+        },
         hessian: |_| Some(Hessian::Unclamped),
         build: |system, choice| Ok(Box::new(Rodas4::new(system, &choice.options)?)),
         ..implicit(scene::Method::Rodas4)
@@ -178,6 +221,7 @@ const fn implicit(method: scene::Method) -> Properties {
         keeps_step: false,
         is_compared_by_steps: false,
         tried_evaluations: None,
+        usual_step: UsualStep::newton(1.0),
         node_cost: 0.0,
         hessian: |_| Some(Hessian::Exact),
         build: |_, _| unreachable!(),

@@ -12,7 +12,7 @@ use crate::run::simulation::Pause;
 use crate::threads::threads;
 use crate::{
     Account, Archive, Cause, ForeignState, Ledger, NodeStates, Observer, Outcome, Patience,
-    SetupError, StepError, Work,
+    SetupError, StepError, StepRecord, Work,
 };
 use springs_assembly::{CompileError, Energy};
 use springs_scene::{RunOptions, Scene};
@@ -410,6 +410,9 @@ impl Islands {
             None => ControlFlow::Continue(()),
         };
         let offered = offer(observer, || self.account());
+        if let Some(record) = self.record() {
+            observer.record(&record);
+        }
         let stepped = observer.step(self.time, self.steps());
         either(shown, either(offered, stepped))
     }
@@ -426,6 +429,12 @@ impl Islands {
     pub fn steps(&self) -> u64 {
         let steps = |part: &Part| part.simulation.stepper().steps();
         self.parts.iter().map(steps).max().unwrap_or(0)
+    }
+
+    /// What is known of the last steps of the parts together; `None` if none made any.
+    pub fn record(&self) -> Option<StepRecord> {
+        let records = self.parts.iter().map(|part| part.simulation.record());
+        StepRecord::together(records.flatten(), self.time, self.work().counts)
     }
 
     /// Its energies now.

@@ -8,6 +8,7 @@ pub(crate) mod members;
 pub(crate) mod observer;
 pub(crate) mod part;
 pub(crate) mod probes;
+pub(crate) mod record;
 pub(crate) mod simulation;
 pub(crate) mod sleep;
 pub(crate) mod stepper;

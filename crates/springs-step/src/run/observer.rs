@@ -1,6 +1,6 @@
 //! Who looks on while a simulation runs.
 
-use crate::{Ledger, Members, NodeStates, Sample};
+use crate::{Ledger, Members, NodeStates, Sample, StepRecord};
 use springs_assembly::Energy;
 use std::ops::ControlFlow;
 
@@ -104,6 +104,10 @@ pub trait Observer {
     fn step(&mut self, _time: f64, _steps: u64) -> ControlFlow<()> {
         ControlFlow::Continue(())
     }
+
+    /// Called before [`Self::step`] with what is known of the step, or of several parts
+    /// when they have all come to one time: the same calls in every run of a scene.
+    fn record(&mut self, _record: &StepRecord) {}
 
     /// When [`Self::step`] is to be called at the latest.
     fn patience(&self) -> Patience {

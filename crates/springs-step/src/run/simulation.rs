@@ -23,7 +23,7 @@ use crate::run::members::{Supported, Track};
 use crate::run::probes::Probes;
 use crate::{
     Archive, Cause, Choice, Flows, Interval, Ledger, Method, MethodError, NodeStates, Patience,
-    SetupError, State, StepError, StepPlan, Stepper, Work,
+    SetupError, State, StepError, StepPlan, StepRecord, Stepper, Work,
 };
 use springs_assembly::{Compilation, Emitter, Energy, System, compile_with};
 use springs_scene::{RunOptions, Scene};
@@ -59,6 +59,9 @@ pub struct Simulation {
     shown: Option<Shown>,
     /// The last step, and the state before it.
     last: Option<Interval>,
+    /// What the method estimated of that step: the rate at which it adds to the error of
+    /// positions, in m/s.
+    last_rate: Option<f64>,
     /// Whether the observer has been told of that step's end.
     is_told: bool,
     before: NodeStates,
@@ -225,6 +228,7 @@ impl Simulation {
             shown: None,
             most_energy: 0.0,
             last: None,
+            last_rate: None,
             is_told: true,
             before: nodes.clone(),
             nodes,
@@ -309,6 +313,14 @@ impl Simulation {
     /// What was done so far, trial runs aside.
     pub fn work(&self) -> Work {
         self.work
+    }
+
+    /// What is known of the last step; `None` before the first one.
+    pub fn record(&self) -> Option<StepRecord> {
+        let interval = self.last?;
+        let (choice, counts) = (&self.choice, self.work.counts);
+        let step = (interval.end, interval.size);
+        Some(StepRecord::of(step, self.last_rate, choice, counts))
     }
 
     /// Energy at the start and its flows so far.

@@ -58,6 +58,15 @@ function unmarked(bytes, nSprings) {
   return (frame, spring) => ((bytes[frame * width + (spring >> 3)] >> (spring & 7)) & 1) === 1;
 }
 
+/** Of each spring, from which frame on it is broken, or has yielded. */
+function changed(bytes, nSprings) {
+  const frames = new Uint32Array(bytes.slice(0, 8 * nSprings).buffer);
+  return [frames.subarray(0, nSprings), frames.subarray(nSprings)];
+}
+
+/** What a spring is. */
+const STATE = { whole: 0, slack: 1, broken: 2, yielded: 3 };
+
 /** Everything that the page knows of the run; SI units. */
 async function readRun() {
   const run = JSON.parse(document.getElementById("run").textContent);
@@ -67,6 +76,12 @@ async function readRun() {
   run.speed = await numbers("speed", arrays.speed);
   run.tension = await numbers("tension", arrays.tension);
   run.isSlack = unmarked(await inflated("slack"), k);
+  [run.broken, run.yielded] = changed(await inflated("changes"), k);
+  run.state = (frame, spring) => {
+    if (frame >= run.broken[spring]) return STATE.broken;
+    if (frame >= run.yielded[spring]) return STATE.yielded;
+    return run.isSlack(frame, spring) ? STATE.slack : STATE.whole;
+  };
   const fixed = await inflated("springs");
   run.ends = new Uint32Array(fixed.slice(0, 8 * k).buffer);
   run.restLengths = new Float64Array(fixed.slice(8 * k, 16 * k).buffer);

@@ -62,7 +62,8 @@ function coloursOf(signed) {
   const rgb = (hex) => [1, 3, 5].map((i) => parseInt(hex.trim().slice(i, i + 2), 16) / 255);
   const one = (name) => rgb(style.getPropertyValue(name));
   const stops = style.getPropertyValue(signed ? "--signed" : "--rising").split(",").map(rgb);
-  return { stops, slack: one("--slack"), support: one("--support"), accent: one("--accent") };
+  const [slack, broken, yielded, load] = ["--slack", "--broken", "--yielded", "--load"].map(one);
+  return { stops, slack, broken, yielded, load, support: one("--support"), accent: one("--accent") };
 }
 
 /** The box around all nodes at all frames: its middle and half of its edges. */
@@ -80,7 +81,8 @@ class View {
   constructor(run) {
     this.run = run;
     const { middle, half } = boxOf(run);
-    this.picture = new Picture(at("scene"), run, middle);
+    this.arrows = new Arrows(run, 2 * Math.hypot(...half));
+    this.picture = new Picture(at("scene"), run, middle, this.arrows);
     this.camera = new Camera(run.up, run.toward, half);
     this.camera.home(this.picture.aspect());
     [this.start, this.end] = [run.times[0], run.times[run.frames - 1]];
@@ -104,15 +106,20 @@ class View {
     const a = run.arrays;
     at("facts").textContent = `${count(run.nodes, "node")}, ${count(run.springs, "spring")}, ${count(run.frames, "frame")}, ${short(this.end - this.start)} s`;
     const strain = a.strain_error > 0 ? `${short(a.strain_error, 2)} in strains` : "nothing in strains";
+    const loads = run.loads ? "" : " There are too many loads to draw.";
     const thinned = run.stride > 1 ? ` Only every ${run.stride}th frame of the run is here, and the last one.` : "";
     at("precision").textContent =
       `Numbers here are rounded. They are off by at most ${short(a.position.error, 2)} m in positions, ` +
       `${short(a.speed.error, 2)} m/s in speeds, ${short(a.tension.error, 2)} N in tensions and ${strain}. Tensions are without ` +
-      `dashpots. Between frames the picture is interpolated.${thinned} trajectory.npz has all numbers as they were computed.`;
+      `dashpots. Between frames the picture is interpolated.${thinned}${loads} trajectory.npz has all numbers as they were computed.`;
     const has = (kind) => run.supports.some(([, one]) => one === kind);
     at("mark-fixed").hidden = !has("fixed");
     at("mark-guided").hidden = !has("guided");
     at("mark-slack").hidden = !this.hasSlack();
+    at("mark-broken").hidden = !run.broken.some((frame) => frame < run.frames);
+    at("mark-yielded").hidden = !run.yielded.some((frame) => frame < run.frames);
+    at("mark-load").hidden = this.arrows.largest === 0;
+    at("largest-load").textContent = `load, ${short(this.arrows.largest, 4)} N at most`;
     at("scrub").max = Math.max(0, run.frames - 1);
     at("scene").setAttribute("aria-label", `The moving scene: ${at("facts").textContent}`);
   }
@@ -121,7 +128,7 @@ class View {
     const { run } = this;
     for (let frame = 0; frame < run.frames; frame++) {
       for (let spring = 0; spring < run.springs; spring++) {
-        if (run.isSlack(frame, spring)) return true;
+        if (run.state(frame, spring) === STATE.slack) return true;
       }
     }
     return false;
@@ -257,15 +264,20 @@ class View {
       const x = [0, 1, 2].map((axis) => run.position.at(frame, 3 * i + axis));
       const support = run.supports.find(([node]) => node === i);
       const held = support ? [["held", support[1] === "fixed" ? "fixed" : "in part"]] : [];
-      return [["x", x[0], "m"], ["y", x[1], "m"], ["z", x[2], "m"], ["speed", run.speed.at(frame, i), "m/s"], ...held];
+      const force = this.arrows.forceAt(i, run.times[frame]);
+      const load = force ? [["load", `(${force.map((f) => short(f, 4)).join(", ")}) N`]] : [];
+      return [["x", x[0], "m"], ["y", x[1], "m"], ["z", x[2], "m"], ["speed", run.speed.at(frame, i), "m/s"], ...load, ...held];
     }
     const hasStrain = run.restLengths[i] > 0;
     const tension = run.tension.at(frame, i);
-    const state = run.isSlack(frame, i) ? "slack" : tension > 0 ? "taut" : "pushed";
+    const found = run.state(frame, i);
+    const isBroken = found === STATE.broken;
+    const name = Object.keys(STATE).find((name) => STATE[name] === found);
+    const state = found === STATE.whole ? (tension > 0 ? "taut" : "pushed") : name;
     return [
       ["nodes", `${run.ends[2 * i]} and ${run.ends[2 * i + 1]}`],
       ["tension", tension, "N"],
-      ["strain", hasStrain ? run.strainAt(frame, i) : "none: its rest length is 0"],
+      ["strain", isBroken ? "none: it is broken" : hasStrain ? run.strainAt(frame, i) : "none: its rest length is 0"],
       ["rest length", run.restLengths[i], "m"],
       ["state", state],
     ];

@@ -13,14 +13,16 @@ const BAR_VERTEX = `#version 300 es
 precision highp float;
 ${POSITION_OF}
 layout(location = 0) in uvec2 ends;
-/* At both ends from 0 to 1, below for none; and whether it is slack. */
+/* At both ends from 0 to 1, below for none; and its state, or 4 for a part of a load's arrow. Of a broken
+   spring the first is what is left of it at each end. */
 layout(location = 1) in vec3 value;
 uniform vec2 pixels;
 uniform float width;
 uniform int picked;
 out float shade;
 out float along;
-flat out float slack;
+out float part;
+flat out float state;
 void main() {
   vec4 a = place(ends.x), b = place(ends.y);
   float near = 1e-6;
@@ -42,20 +44,32 @@ void main() {
   if (chosen) gl_Position.z -= 1e-3 * gl_Position.w;
   shade = second ? value.y : value.x;
   along = second ? size : 0.0;
-  slack = value.z;
+  part = second ? 1.0 : 0.0;
+  state = value.z;
 }`;
 
 const BAR_FRAGMENT = `#version 300 es
 precision highp float;
 uniform vec3 stops[5];
 uniform vec3 slackColour;
+uniform vec3 brokenColour;
+uniform vec3 yieldedColour;
+uniform vec3 loadColour;
 uniform float dash;
 in float shade;
 in float along;
-flat in float slack;
+in float part;
+flat in float state;
 out vec4 colour;
 void main() {
-  if (slack > 0.5) {
+  if (state > 3.5) {
+    colour = vec4(loadColour, 1.0);
+  } else if (state > 2.5 && fract(along / dash) > 0.7) {
+    colour = vec4(yieldedColour, 1.0);
+  } else if (state > 1.5 && state < 2.5) {
+    if (min(part, 1.0 - part) > shade) discard;
+    colour = vec4(brokenColour, 1.0);
+  } else if (state > 0.5 && state < 1.5) {
     if (fract(along / dash) > 0.55) discard;
     colour = vec4(slackColour, 1.0);
   } else if (shade < -0.5) {
@@ -105,20 +119,33 @@ void main() {
 const MARK = { free: 0, fixed: 1, guided: 2, picked: 3 };
 /** With more nodes than this, free ones have no marks. */
 const MOST_MARKS = 200;
+/** Beside the states of springs. */
+const PART_OF_ARROW = 4;
+/** What is left of a broken spring at each end, as a part of its length. */
+const STUB = 0.3;
 
 class Picture {
-  /** @param origin what is taken off all positions, so that they are precise enough */
-  constructor(canvas, run, origin) {
+  /**
+   * @param origin what is taken off all positions, so that they are precise enough
+   * @param arrows those of the loads
+   */
+  constructor(canvas, run, origin, arrows) {
     const gl = canvas.getContext("webgl2", { antialias: true, alpha: true });
     if (!gl) {
       throw new Error("this browser has no WebGL 2, which the moving picture needs");
     }
-    Object.assign(this, { canvas, run, origin, gl });
+    Object.assign(this, { canvas, run, origin, arrows, gl });
     this.bars = this.program(BAR_VERTEX, BAR_FRAGMENT);
     this.marks = this.program(MARK_VERTEX, MARK_FRAGMENT);
-    this.rows = Math.max(1, Math.ceil(run.nodes / TEXTURE_WIDTH));
+    const points = run.nodes + ARROW_POINTS * arrows.nodes.length;
+    this.rows = Math.max(1, Math.ceil(points / TEXTURE_WIDTH));
     this.positions = new Float32Array(4 * TEXTURE_WIDTH * this.rows);
-    this.values = new Float32Array(3 * run.springs);
+    const bars = arrows.bars(run.nodes);
+    this.count = run.springs + bars.length / 2;
+    this.values = new Float32Array(3 * this.count);
+    for (let bar = run.springs; bar < this.count; bar++) {
+      this.values.set([-1, -1, PART_OF_ARROW], 3 * bar);
+    }
     gl.bindTexture(gl.TEXTURE_2D, gl.createTexture());
     gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA32F, TEXTURE_WIDTH, this.rows);
     gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
@@ -127,7 +154,7 @@ class Picture {
 
     this.barArrays = gl.createVertexArray();
     gl.bindVertexArray(this.barArrays);
-    this.buffer(run.ends);
+    this.buffer(Uint32Array.from([...run.ends, ...bars]));
     gl.enableVertexAttribArray(0);
     gl.vertexAttribIPointer(0, 2, gl.UNSIGNED_INT, 0, 0);
     gl.vertexAttribDivisor(0, 1);
@@ -202,18 +229,32 @@ class Picture {
         positions[4 * node + axis] = between((f) => run.position.at(f, index)) - origin[axis];
       }
     }
+    const time = run.times[frame] + fraction * (run.times[next] - run.times[frame]);
+    this.arrows.place(time, positions, run.nodes);
     const { low, high } = colouring;
     const shade = (at) => (high > low ? (between(at) - low) / (high - low) : 0.5);
     for (let spring = 0; spring < run.springs; spring++) {
       const [a, b] = colouring.ofEnds(spring);
       values[3 * spring] = a ? Math.max(0, shade(a)) : -1;
       values[3 * spring + 1] = b === a ? values[3 * spring] : Math.max(0, shade(b));
-      values[3 * spring + 2] = run.isSlack(fraction < 0.5 ? frame : next, spring) ? 1 : 0;
+      const state = run.state(fraction < 0.5 ? frame : next, spring);
+      values[3 * spring + 2] = state;
+      if (state === STATE.broken) {
+        const stub = this.stub(spring);
+        values.set([stub, stub], 3 * spring);
+      }
     }
     const gl = this.gl;
     gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, TEXTURE_WIDTH, this.rows, gl.RGBA, gl.FLOAT, positions);
     gl.bindBuffer(gl.ARRAY_BUFFER, this.valueBuffer);
     gl.bufferSubData(gl.ARRAY_BUFFER, 0, values);
+  }
+
+  /** What is left of a broken spring at each end; ends that have flown apart are joined by nothing. */
+  stub(spring) {
+    const [a, b] = [0, 1].map((end) => 4 * this.run.ends[2 * spring + end]);
+    const length = Math.hypot(...[0, 1, 2].map((axis) => this.positions[b + axis] - this.positions[a + axis]));
+    return Math.min(STUB, (0.5 * this.run.restLengths[spring]) / length);
   }
 
   /** Width per height. */
@@ -240,8 +281,11 @@ class Picture {
     gl.uniform1i(at.picked, this.picked?.kind === "spring" ? this.picked.index : -1);
     gl.uniform3fv(at.stops, colours.stops.flat());
     gl.uniform3fv(at.slackColour, colours.slack);
+    gl.uniform3fv(at.brokenColour, colours.broken);
+    gl.uniform3fv(at.yieldedColour, colours.yielded);
+    gl.uniform3fv(at.loadColour, colours.load);
     gl.bindVertexArray(this.barArrays);
-    gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, run.springs);
+    gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, this.count);
 
     at = this.use(this.marks);
     gl.uniform1f(at.size, 10 * ratio);

@@ -80,6 +80,7 @@ impl Simulation {
                 archive.real(real);
             }
         });
+        archive.option(&mut self.last_rate, |rate, archive| archive.real(rate));
         archive.flag(&mut self.is_told);
         archive.option(&mut self.shown, |shown, archive| shown.archive(archive));
         self.archive_switches(archive);

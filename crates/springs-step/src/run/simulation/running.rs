@@ -103,6 +103,9 @@ impl Simulation {
         self.end_step();
         self.is_told = true;
         let offered = offer(observer, || self.account(interval.end));
+        if let Some(record) = self.record() {
+            observer.record(&record);
+        }
         Ok(either(
             offered,
             observer.step(interval.end, self.stepper.steps()),

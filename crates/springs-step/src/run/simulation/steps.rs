@@ -30,8 +30,11 @@ impl Simulation {
         self.review_method()?;
         let bookmark = self.bookmark();
         let made = match self.schedule {
-            Schedule::Fixed(plan) => self.planned_step(plan),
-            Schedule::Adaptive(_) => self.adaptive_step(),
+            Schedule::Fixed(plan) => self.planned_step(plan).map(|interval| (interval, None)),
+            Schedule::Adaptive(_) => {
+                let made = self.adaptive_step();
+                made.map(|(interval, rate)| (interval, Some(rate)))
+            }
             Schedule::Open(_) => unreachable!("trial runs come first"),
         };
         if let Some(bookmark) = bookmark {
@@ -42,8 +45,9 @@ impl Simulation {
                 bookmark.words
             };
         }
-        let interval = made?;
+        let (interval, rate) = made?;
         self.last = Some(interval);
+        self.last_rate = rate;
         self.is_told = false;
         self.is_end_open = self.system().has_memory();
         Ok(interval)
@@ -147,14 +151,15 @@ impl Simulation {
         Ok(())
     }
 
-    /// Attempts steps until one is accurate enough.
-    fn adaptive_step(&mut self) -> Result<Interval, StepError> {
+    /// Attempts steps until one is accurate enough; that step and the estimated rate of its
+    /// error, in m/s.
+    fn adaptive_step(&mut self) -> Result<(Interval, f64), StepError> {
         let Schedule::Adaptive(controller) = &mut self.schedule else {
             unreachable!("only called with a controller");
         };
         let counts = self.work.counts;
         let start = self.stepper.time();
-        let interval = loop {
+        let (interval, rate) = loop {
             let size = Ahead::limit(self.ahead, start, controller.step_size());
             let end = self.timetable.end_of_step(start, self.duration);
             let interval = next_interval(start, end, size.min(self.timetable.longest_step()));
@@ -184,7 +189,7 @@ impl Simulation {
                     match controller.judge(interval.size, estimate) {
                         Verdict::Accept if !too_small => {
                             let Some(ahead) = Ahead::of(&self.stepper, &before, interval) else {
-                                break interval;
+                                break (interval, estimate.rate);
                             };
                             *controller = before;
                             self.ahead = Some(ahead);
@@ -205,7 +210,7 @@ impl Simulation {
         if let Some(auto) = &mut self.auto {
             auto.record(interval.size, self.work.counts - counts);
         }
-        Ok(interval)
+        Ok((interval, rate))
     }
 }
 

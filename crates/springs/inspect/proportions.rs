@@ -3,23 +3,25 @@
 //! All but the direction and the number of gravity is compared within the
 //! scene, so that scenes in any consistent units are judged alike.
 
-use crate::inspect::name_them;
+use super::warning::Warnings;
+use super::words::rounded;
 use springs_scene::{Scene, Spring, Vector3};
+use std::ops::RangeInclusive;
 
 /// What the weight of a scene does to the springs that hold it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct OwnWeight {
+pub(super) struct OwnWeight {
     /// By how much the springs at fixed nodes would be stretched or compressed
     /// if they carried all of it along themselves, over their length.
-    pub strain: f64,
+    pub(super) strain: f64,
     /// The mass stands on the fixed nodes: its centre is above them.
-    pub stands: bool,
+    pub(super) stands: bool,
 }
 
 impl OwnWeight {
     /// Of a scene with gravity, and with springs of a length between fixed and
     /// free nodes.
-    pub fn of(scene: &Scene) -> Option<Self> {
+    pub(super) fn of(scene: &Scene) -> Option<Self> {
         let g = scene.gravity.norm();
         let (mut mass, mut moment) = (0.0, Vector3::zeros());
         for (node, with_springs) in scene.nodes.iter().zip(scene.node_masses()) {
@@ -60,15 +62,17 @@ const MOST_COMPRESSED: f64 = 0.15;
 /// metre of height.
 const LEAST_STRAIN: f64 = 1e-9;
 
-/// Adds what is out of proportion, as sentences.
-pub(crate) fn list(scene: &Scene, suspicious: &mut Vec<String>) {
-    list_far_away(scene, suspicious);
-    list_gravity(scene, suspicious);
-    list_weight(scene, suspicious);
-    list_odd_one_out(scene, suspicious);
-    list_dampers(scene, suspicious);
+/// Adds what is out of proportion.
+pub(super) fn list(scene: &Scene, warnings: &mut Warnings) {
+    list_far_away(scene, warnings);
+    list_long(scene, warnings);
+    list_gravity(scene, warnings);
+    list_weight(scene, warnings);
+    list_odd_one_out(scene, warnings);
+    list_dampers(scene, warnings);
     if scene.settings.duration == 0.0 {
-        suspicious.push("the duration is 0 s, so no step is made".to_owned());
+        let message = "the duration is 0 s, so no step is made".to_owned();
+        warnings.general(message, "give a duration in s");
     }
 }
 
@@ -76,38 +80,63 @@ pub(crate) fn list(scene: &Scene, suspicious: &mut Vec<String>) {
 /// their rounding shows in its motion.
 const COARSEST: f64 = 1e-6;
 
-fn list_far_away(scene: &Scene, suspicious: &mut Vec<String>) {
+fn list_far_away(scene: &Scene, warnings: &mut Warnings) {
     let largest = scene.nodes.iter().map(|node| node.position.amax());
     let largest = largest.fold(0.0, f64::max);
     let size = scene.size();
     let spacing = largest * f64::EPSILON;
     if size > 0.0 && spacing > COARSEST * size {
-        suspicious.push(format!(
-            "coordinates of {} m are told apart to {} m only, and the scene is {} m from corner \
-             to corner; put the origin near it",
-            rounded(largest),
-            rounded(spacing),
-            rounded(size)
-        ));
+        warnings.general(
+            format!(
+                "coordinates of {} m are told apart to {} m only, and the scene is {} m from \
+                 corner to corner",
+                rounded(largest),
+                rounded(spacing),
+                rounded(size)
+            ),
+            "put the origin near it",
+        );
     }
 }
 
-fn list_gravity(scene: &Scene, suspicious: &mut Vec<String>) {
+/// Gravity of the Earth in m/s², in mm/s² a thousand times that.
+const GRAVITY: RangeInclusive<f64> = 9.7..=9.9;
+/// With that gravity, springs are seldom so long on the average, in m.
+const LONG: f64 = 100.0;
+
+fn list_long(scene: &Scene, warnings: &mut Warnings) {
+    let lengths = scene.springs.iter();
+    let lengths = lengths.map(|spring| natural_length(scene, spring));
+    let mean = lengths.sum::<f64>() / scene.springs.len() as f64;
+    if GRAVITY.contains(&scene.gravity.norm()) && mean > LONG {
+        warnings.general(
+            format!(
+                "springs are {} m long on the average, and gravity is in m/s²",
+                rounded(mean)
+            ),
+            "are lengths in mm? they are meant in m",
+        );
+    }
+}
+
+fn list_gravity(scene: &Scene, warnings: &mut Warnings) {
     let g = scene.gravity.norm();
     // In mm/s², where lengths look like metres.
-    if (9.7e3..9.9e3).contains(&g) && scene.size() < 100.0 {
-        suspicious.push(format!(
-            "gravity is {g} m/s², a thousand times that of the Earth; is it in mm/s²?"
-        ));
+    if GRAVITY.contains(&(1e-3 * g)) && scene.size() < 100.0 {
+        warnings.general(
+            format!("gravity is {g} m/s², a thousand times that of the Earth"),
+            "is it in mm/s²?",
+        );
     }
     if scene.gravity.z > 0.9 * g {
-        suspicious.push(format!(
-            "gravity points along +z, which is mostly up; is it meant to be (0, 0, -{g})?"
-        ));
+        warnings.general(
+            "gravity points along +z, which is mostly up".to_owned(),
+            &format!("is it meant to be (0, 0, -{g})?"),
+        );
     }
 }
 
-fn list_weight(scene: &Scene, suspicious: &mut Vec<String>) {
+fn list_weight(scene: &Scene, warnings: &mut Warnings) {
     let Some(OwnWeight { strain, stands }) = OwnWeight::of(scene) else {
         return;
     };
@@ -117,18 +146,23 @@ fn list_weight(scene: &Scene, suspicious: &mut Vec<String>) {
         (MOST_STRETCHED, "stretched")
     };
     if strain > limit {
-        suspicious.push(format!(
-            "under the weight of the scene the springs at fixed nodes would be {what} by {} % \
-             of their length; is stiffness in N/m (1 N/mm is 1000 N/m), mass in kg, gravity in m/s²?",
-            rounded(100.0 * strain)
-        ));
+        warnings.general(
+            format!(
+                "under the weight of the scene the springs at fixed nodes would be {what} by \
+                 {} % of their length",
+                rounded(100.0 * strain)
+            ),
+            "is stiffness in N/m (1 N/mm is 1000 N/m), mass in kg, gravity in m/s²?",
+        );
     }
     if strain < LEAST_STRAIN {
-        suspicious.push(format!(
-            "the weight of the scene changes the length of the springs at fixed nodes by {:.0e} \
-             of it only; is stiffness in N/m, mass in kg?",
-            strain
-        ));
+        warnings.general(
+            format!(
+                "the weight of the scene changes the length of the springs at fixed nodes by \
+                 {strain:.0e} of it only"
+            ),
+            "is stiffness in N/m, mass in kg?",
+        );
     }
 }
 
@@ -139,13 +173,13 @@ const ALIKE: f64 = 30.0;
 /// More of them than this part of all springs are meant to be different.
 const FEW: f64 = 0.02;
 
-fn list_odd_one_out(scene: &Scene, suspicious: &mut Vec<String>) {
+fn list_odd_one_out(scene: &Scene, warnings: &mut Warnings) {
     // Of springs of one material K·l is the same, whatever their length.
     let stiffness = |spring: &Spring| match natural_length(scene, spring) {
         length if length > 0.0 => spring.stiffness * length,
         _ => spring.stiffness,
     };
-    let mut ranges = vec![Range::default(); scene.nodes.len()];
+    let mut ranges = vec![Extremes::default(); scene.nodes.len()];
     for spring in scene.springs.iter().filter(|spring| spring.stiffness > 0.0) {
         let value = stiffness(spring);
         spring
@@ -177,24 +211,29 @@ fn list_odd_one_out(scene: &Scene, suspicious: &mut Vec<String>) {
             (1.0 / factor, "softer")
         };
         let odd: Vec<usize> = odd.into_iter().map(|(index, _)| index).collect();
-        suspicious.push(format!(
-            "{}: about {} times {than} for its length than every spring that it meets; \
-             is a unit wrong?",
-            name_them("spring", &odd),
-            rounded(times)
-        ));
+        warnings.of_springs(
+            &odd,
+            |named| {
+                format!(
+                    "{named}: about {} times {than} for its length than every spring that it \
+                     meets",
+                    rounded(times)
+                )
+            },
+            "is a unit wrong?",
+        );
     }
 }
 
 /// The two smallest and largest of some numbers.
 #[derive(Clone, Copy)]
-struct Range {
+struct Extremes {
     n: usize,
     low: [f64; 2],
     high: [f64; 2],
 }
 
-impl Default for Range {
+impl Default for Extremes {
     fn default() -> Self {
         Self {
             n: 0,
@@ -204,7 +243,7 @@ impl Default for Range {
     }
 }
 
-impl Range {
+impl Extremes {
     fn add(&mut self, value: f64) {
         self.n += 1;
         if value < self.low[0] {
@@ -237,7 +276,7 @@ const MOST_DAMPED: f64 = 1e4;
 /// Beyond this one it does if its spring takes longer than the run to relax.
 const MUCH_DAMPED: f64 = 100.0;
 
-fn list_dampers(scene: &Scene, suspicious: &mut Vec<String>) {
+fn list_dampers(scene: &Scene, warnings: &mut Warnings) {
     let masses = scene.node_masses();
     let ratio =
         |index: usize| scene.springs[index].damping / scene.critical_damping(index, &masses);
@@ -251,13 +290,18 @@ fn list_dampers(scene: &Scene, suspicious: &mut Vec<String>) {
     let odd: Vec<usize> = (0..scene.springs.len()).filter(is_odd).collect();
     if let Some(&first) = odd.first() {
         let spring = &scene.springs[first];
-        suspicious.push(format!(
-            "{}: the dashpot is {} times as strong as what would stop all vibration, and takes \
-             {} s to let its spring relax; is damping in N·s/m?",
-            name_them("spring", &odd),
-            rounded(ratio(first)),
-            rounded(spring.damping / spring.stiffness),
-        ));
+        warnings.of_springs(
+            &odd,
+            |named| {
+                format!(
+                    "{named}: the dashpot is {} times as strong as what would stop all \
+                     vibration, and takes {} s to let its spring relax",
+                    rounded(ratio(first)),
+                    rounded(spring.damping / spring.stiffness),
+                )
+            },
+            "is damping in N·s/m?",
+        );
     }
 }
 
@@ -271,24 +315,15 @@ fn natural_length(scene: &Scene, spring: &Spring) -> f64 {
     }
 }
 
-/// Two significant digits.
-pub(crate) fn rounded(value: f64) -> String {
-    let text = format!("{value:.1e}");
-    match text.parse::<f64>() {
-        Ok(value) if (1e-3..1e5).contains(&value.abs()) => value.to_string(),
-        _ => text,
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use springs_scene::generate::{Material, block, chain, cloth};
 
     fn said(scene: &Scene) -> String {
-        let mut suspicious = Vec::new();
-        list(scene, &mut suspicious);
-        suspicious.join("\n")
+        let mut warnings = Warnings::default();
+        list(scene, &mut warnings);
+        warnings.to_string()
     }
 
     fn generated() -> [Scene; 6] {
