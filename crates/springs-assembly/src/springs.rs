@@ -4,7 +4,7 @@ use crate::connections::Connections;
 use crate::matrix::{OffDiagonal, PairBlocks, times};
 use crate::{
     BetweenFixed, BrokenSpring, Emitter, Evaluation, Linearization, MemoryUpdate, Nature, Notable,
-    Numbering, Projection, StiffnessKind, Strained,
+    Numbering, Projection, SpringNumbers, StiffnessKind, Strained,
 };
 use nalgebra::Vector3;
 use springs_math::Separation;
@@ -402,6 +402,12 @@ impl<L: LengthLaw + Clone + Send + Sync> Emitter for Springs<L> {
         for (index, &spring) in self.index.iter().enumerate() {
             let share = own_shares.get(index).copied().unwrap_or(1.0);
             visit(spring, share * self.tension(index, x, carried));
+        }
+    }
+
+    fn change_springs(&mut self, springs: &[SpringNumbers]) {
+        for (law, &index) in self.laws.iter_mut().zip(&self.index) {
+            law.set_spring(springs[index].spring);
         }
     }
 

@@ -1,6 +1,6 @@
 //! Prescribed motion of fixed nodes.
 
-use crate::{Interval, NodeStates, State};
+use crate::{HiddenState, Interval, NodeStates, State};
 use nalgebra::Vector3;
 use springs_assembly::{Prescribed, System};
 use std::sync::Arc;
@@ -39,6 +39,15 @@ impl Anchors {
             }
         }
         anchors
+    }
+
+    /// What says how they move from where they are at a time: with a saved one they go on
+    /// as if they had not been made anew.
+    pub(crate) fn visit(&mut self, state: &mut HiddenState) {
+        state.vectors(&mut self.origins);
+        state.vectors(&mut self.velocities);
+        state.real(&mut self.since);
+        state.flag(&mut self.any_moves);
     }
 
     /// Gives them their positions in m, and their velocities in m/s as far as these

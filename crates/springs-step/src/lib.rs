@@ -61,7 +61,7 @@ pub use run::islands::Islands;
 pub use run::members::{Members, Peak, Reaction};
 pub use run::observer::{Account, Frame, Observer, Outcome, Patience};
 pub use run::part::Part;
-pub use run::simulation::{Simulation, Switch};
+pub use run::simulation::{ChangeError, Simulation, Switch};
 pub use run::stepper::Stepper;
 pub use state::{NodeStates, State};
 pub use threads::threads;

@@ -58,8 +58,8 @@ impl Method for Doubling {
         self.weighing.restart();
     }
 
-    fn springs_broke(&mut self, system: &System) {
-        self.method.springs_broke(system);
+    fn forces_jumped(&mut self, system: &System) {
+        self.method.forces_jumped(system);
         self.weighing.restart();
     }
 

@@ -96,9 +96,10 @@ pub trait Method: Send {
     /// velocities alone.
     fn restart(&mut self);
 
-    /// Springs broke at the end of the last step that stands: forces there are stale, and
-    /// what is carried of broken springs is [zero](System::clear_broken).
-    fn springs_broke(&mut self, _system: &System) {
+    /// Forces jumped at the end of the last step that stands, since springs broke or
+    /// somebody changed them: those known there are stale, and what is carried of broken
+    /// springs is [zero](System::clear_broken).
+    fn forces_jumped(&mut self, _system: &System) {
         self.restart();
     }
 

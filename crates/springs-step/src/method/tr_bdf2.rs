@@ -68,7 +68,6 @@ pub struct TrBdf2 {
     is_started: bool,
     tensions: Tensions,
     goal: Option<Goal>,
-    frequency_bound: f64,
     /// z_v of the last step, in m/s, and w/T².
     errors: Vec<Vector3<f64>>,
     moved: Vec<Vector3<f64>>,
@@ -143,7 +142,6 @@ impl TrBdf2 {
             impulses: Impulses::new(system),
             flows: Flows::default(),
             goal: None,
-            frequency_bound: system.frequency_bound(),
         })
     }
 
@@ -357,7 +355,7 @@ impl Method for TrBdf2 {
             return None;
         }
         let tau = (SATURATION * K.abs() * step_size.powi(2) * left).cbrt();
-        if tau * self.frequency_bound > 1.0 {
+        if tau * system.frequency_bound() > 1.0 {
             let all = [&mut *of_positions, &mut *moved, &mut *of_velocities].map(|v| &mut v[..]);
             if !stage.damp_vibrations(system, state, damping(tau, 2), all, work) {
                 return None;

@@ -6,6 +6,7 @@ use crate::{
     Anchors, Cause, ErrorEstimate, Flows, HiddenState, Interval, Method, NodeStates, SetupError,
     State, StepError, Suspect, Work,
 };
+use nalgebra::Vector3;
 use springs_assembly::{Compilation, MemoryUpdate, System, compile_with};
 use springs_scene::{self as scene, RunOptions, Scene, StepControl};
 use springs_solver::Interrupt;
@@ -139,6 +140,33 @@ impl Stepper {
         ((&self.system, &self.anchors), &mut *self.method)
     }
 
+    /// Changes the system between steps.
+    pub(crate) fn change(&mut self, change: impl FnOnce(&mut System)) {
+        change(&mut self.system);
+        self.method.forces_jumped(&self.system);
+    }
+
+    /// From now on fixed nodes move at these velocities, in m/s, by node, beside their
+    /// motions.
+    pub(crate) fn set_anchor_velocities(&mut self, velocities: &[Vector3<f64>]) {
+        let numbering = self.system.numbering();
+        for block in self.system.n_free()..numbering.n_nodes() {
+            self.state.v[block] = velocities[numbering.node(block)];
+        }
+        for prescribed in &**self.system.prescribed() {
+            let moved = prescribed.at(self.state.time);
+            prescribed
+                .blocks()
+                .for_each(|block| self.state.v[block] += moved.velocity);
+        }
+        self.anchors = Anchors::new(&self.system, &self.state);
+        self.method.forces_jumped(&self.system);
+    }
+
+    pub(crate) fn visit_anchors(&mut self, state: &mut HiddenState) {
+        self.anchors.visit(state);
+    }
+
     /// The method.
     pub fn method(&self) -> &dyn Method {
         &*self.method
@@ -222,7 +250,7 @@ impl Stepper {
         let carried = self.method.tensions();
         let update = self.system.update_memory(&self.state.x, carried);
         if update.is_abrupt {
-            self.method.springs_broke(&self.system);
+            self.method.forces_jumped(&self.system);
         }
         Some(update)
     }

@@ -34,6 +34,7 @@ impl Simulation {
     /// Hands over everything that the run has come to; the scene and what
     /// follows from it alone are not among it.
     pub(crate) fn visit(&mut self, state: &mut HiddenState) {
+        self.visit_controls(state);
         self.visit_breaks(state);
         if self.needs_trials && self.visit_settled(state).is_none() {
             return state.refuse();
