@@ -86,7 +86,7 @@ impl PyScene {
 }
 
 /// Puts the nodes where `start` has them: its `x` (n, 3), or the last of (f, n, 3), and its
-/// `v` if it has one.
+/// `v` if it has one. What is `broken` or has `yielded` there (k,) has done so here.
 fn start_from(mut scene: Scene, start: &Bound<'_, PyAny>) -> PyResult<Scene> {
     let n = scene.nodes.len();
     let last = |what: &'static str| -> PyResult<Option<Vec<Vector3<f64>>>> {
@@ -112,6 +112,19 @@ fn start_from(mut scene: Scene, start: &Bound<'_, PyAny>) -> PyResult<Scene> {
         velocities,
     };
     nodes.write_to(&mut scene);
+    let of_springs = |what: &'static str| match start.getattr_opt(what)? {
+        Some(array) => each(what, Some(&array), scene.springs.len()),
+        None => Ok(None),
+    };
+    let (broken, yielded) = (of_springs("broken")?, of_springs("yielded")?);
+    for (index, spring) in scene.springs.iter_mut().enumerate() {
+        if let Some(broken) = &broken {
+            spring.broken = broken[index] != 0.0;
+        }
+        if let Some(yielded) = &yielded {
+            spring.yielded = yielded[index];
+        }
+    }
     scene.settings.start = Start::AsGiven;
     Ok(scene)
 }
@@ -367,8 +380,8 @@ impl PyScene {
         settled(py, &scene, &options)
     }
 
-    /// Simulates `duration` s from `start` (anything with x and perhaps v, such as
-    /// an equilibrium or a result; else the scene itself), with an error of `tolerance` m or steps of `step` s,
+    /// Simulates `duration` s from `start` (anything with x and perhaps v, broken and
+    /// yielded, such as an equilibrium or a result; else the scene itself), with an error of `tolerance` m or steps of `step` s,
     /// and shows `frames` + 1 frames (else 60 a second). `progress` is True for a bar, or a
     /// function of a number from 0 to 1.
     ///
