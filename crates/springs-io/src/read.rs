@@ -355,7 +355,7 @@ fn scene(
         },
         settings: settings(file.simulation),
     };
-    damp(&resolved.ratios, &mut scene, findings);
+    damp(&resolved.inputs.damping_ratios, &mut scene, findings);
     (scene, resolved.law_places, resolved.inputs)
 }
 

@@ -13,6 +13,7 @@ mod source;
 mod statics;
 mod study;
 mod summary;
+mod sweep;
 mod view;
 mod watcher;
 
@@ -46,6 +47,8 @@ enum Command {
     Check(check::CheckArguments),
     /// Measure run time against error for a scene, method by method.
     Study(study::StudyArguments),
+    /// Run a scene with many values of its numbers, on any number of machines.
+    Sweep(sweep::SweepArguments),
     /// Print a scene file: a chain, a cloth or a block.
     New(new::NewArguments),
 }
@@ -101,6 +104,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Modes(arguments) => modes::modes_command(&arguments),
         Command::Check(arguments) => check::check(&arguments),
         Command::Study(arguments) => study::study_command(&arguments),
+        Command::Sweep(arguments) => sweep::sweep(&arguments),
         Command::New(arguments) => new::new(&arguments),
     };
     match ending {
