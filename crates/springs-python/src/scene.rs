@@ -7,11 +7,13 @@ use crate::errors::Fault;
 use crate::result::{Run, RunResult};
 use crate::simulation::PySimulation;
 use crate::springs_of::{Given, Made, damp, make};
+use crate::start::scene_at;
 use crate::statics::{PyEquilibrium, settled, started};
 use crate::study::{self, PyStudy};
+use crate::sweep;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
-use pyo3::types::PyTuple;
+use pyo3::types::{PyDict, PyTuple};
 use springs::io::{Inputs, parse_scene_with_inputs, read_text, scene_to_string, write_scene};
 use springs::scene::{
     Guide, Load, NamedMotion, Node, OverTime, PrescribedMotion, Rayleigh, RunOptions, Scene, Start,
@@ -19,6 +21,7 @@ use springs::scene::{
 };
 use springs::sinks::default_intervals;
 use springs::step::{Islands, NodeStates};
+use springs::sweep::Subject;
 use std::path::PathBuf;
 
 /// Point masses joined by springs, in SI units.
@@ -27,9 +30,8 @@ use std::path::PathBuf;
 pub(crate) struct PyScene {
     scene: Scene,
     options: RunOptions,
+    /// Damping ratios wait here until nodes have all their masses.
     inputs: Inputs,
-    /// Springs whose damping waits until nodes have all their masses.
-    ratios: Vec<(usize, f64)>,
 }
 
 /// How a scene is to be run, in place of what it says itself.
@@ -50,7 +52,7 @@ impl PyScene {
         if let Some(problem) = scene.problems().first() {
             return Err(Fault::from(problem).into());
         }
-        damp(&mut scene, &self.ratios)?;
+        damp(&mut scene, &self.inputs.damping_ratios)?;
         Ok(scene)
     }
 
@@ -80,53 +82,17 @@ impl PyScene {
         Ok((scene, options))
     }
 
+    fn subject(&self) -> PyResult<Subject> {
+        Ok(Subject {
+            scene: self.build()?,
+            options: self.options,
+            inputs: self.inputs.clone(),
+        })
+    }
+
     fn indices<'py>(py: Python<'py>, from: usize, to: usize) -> Bound<'py, PyArray1<i64>> {
         array1(py, (from as i64..to as i64).collect())
     }
-}
-
-/// Puts the nodes where `start` has them: its `x` (n, 3), or the last of (f, n, 3), and its
-/// `v` if it has one. What is `broken` or has `yielded` there (k,) has done so here.
-fn start_from(mut scene: Scene, start: &Bound<'_, PyAny>) -> PyResult<Scene> {
-    let n = scene.nodes.len();
-    let last = |what: &'static str| -> PyResult<Option<Vec<Vector3<f64>>>> {
-        let Some(array) = start.getattr_opt(what)?.filter(|array| !array.is_none()) else {
-            return Ok(None);
-        };
-        let floats = Floats::new(what, &array)?;
-        match floats.shape() {
-            [frames, _, _] if *frames > 0 => {
-                Floats::new(what, &array.get_item(*frames - 1)?)?.n_vectors(n)
-            }
-            _ => floats.n_vectors(n),
-        }
-        .map(Some)
-    };
-    let Some(positions) = last("x")? else {
-        let message = "start must have positions x, such as the result of a run";
-        return Err(Fault::scene(message).into());
-    };
-    let velocities = last("v")?.unwrap_or_else(|| vec![Vector3::zeros(); n]);
-    let nodes = NodeStates {
-        positions,
-        velocities,
-    };
-    nodes.write_to(&mut scene);
-    let of_springs = |what: &'static str| match start.getattr_opt(what)? {
-        Some(array) => each(what, Some(&array), scene.springs.len()),
-        None => Ok(None),
-    };
-    let (broken, yielded) = (of_springs("broken")?, of_springs("yielded")?);
-    for (index, spring) in scene.springs.iter_mut().enumerate() {
-        if let Some(broken) = &broken {
-            spring.broken = broken[index] != 0.0;
-        }
-        if let Some(yielded) = &yielded {
-            spring.yielded = yielded[index];
-        }
-    }
-    scene.settings.start = Start::AsGiven;
-    Ok(scene)
 }
 
 /// Which of x, y, z are named; all of them if nothing is.
@@ -140,19 +106,6 @@ fn axes_of(axes: Option<&str>) -> PyResult<[bool; 3]> {
         return Err(Fault::scene("axes must be some of x, y and z, such as \"yz\"").into());
     }
     Ok(held)
-}
-
-/// The scene as it starts: from what has x, or as it says itself.
-fn scene_at(
-    py: Python<'_>,
-    scene: Scene,
-    start: Option<&Bound<'_, PyAny>>,
-    options: &RunOptions,
-) -> PyResult<Scene> {
-    match start {
-        Some(start) => start_from(scene, start),
-        None => started(py, scene, options),
-    }
 }
 
 #[pymethods]
@@ -269,7 +222,7 @@ impl PyScene {
         springs.iter_mut().for_each(|spring| spring.law = law);
         let first = self.scene.springs.len();
         self.scene.springs.append(&mut springs);
-        self.ratios.extend(ratios);
+        self.inputs.damping_ratios.extend(ratios);
         Ok(Self::indices(py, first, self.scene.springs.len()))
     }
 
@@ -358,6 +311,31 @@ impl PyScene {
             });
         }
         Ok(())
+    }
+
+    /// The same scene with how it is run as its own settings: the arguments of `run`.
+    #[pyo3(signature = (*, duration=None, tolerance=None, step=None, method=None, tangent=None))]
+    fn with_settings(
+        &self,
+        duration: Option<f64>,
+        tolerance: Option<f64>,
+        step: Option<f64>,
+        method: Option<&str>,
+        tangent: Option<&str>,
+    ) -> PyResult<Self> {
+        let (scene, options) = self.changed(&Changes {
+            duration,
+            tolerance,
+            step,
+            method,
+            tangent,
+            threads: None,
+        })?;
+        Ok(Self {
+            scene,
+            options,
+            inputs: self.inputs.clone(),
+        })
     }
 
     /// What is in the scene, what a run leaves out, and what looks wrong; runs nothing.
@@ -461,6 +439,27 @@ impl PyScene {
         study::make(py, &scene, study::options(budget, options)?, &progress)
     }
 
+    /// The same scene with other numbers, by name, such as `{"EA": 1e5, "loads": 2.0}`:
+    /// the names of `springs sweep --set`.
+    fn changed_by(&self, settings: &Bound<'_, PyDict>) -> PyResult<Self> {
+        let Subject {
+            scene,
+            options,
+            inputs,
+        } = sweep::changed(self.subject()?, settings)?;
+        Ok(Self {
+            scene,
+            options,
+            inputs,
+        })
+    }
+
+    /// Runs the scene on one thread, and returns these numbers of the run by name, such as
+    /// "max(tension)": those of `springs sweep --measure`.
+    fn measure(&self, py: Python<'_>, names: Vec<String>) -> PyResult<Vec<f64>> {
+        sweep::measured(py, self.subject()?, &names)
+    }
+
     /// Writes a scene file, which reads back to the same bits.
     fn write(&self, path: PathBuf) -> PyResult<()> {
         let scene = self.build()?;
@@ -542,7 +541,6 @@ fn parse(file: &str, text: &str) -> PyResult<PyScene> {
         scene,
         options,
         inputs,
-        ratios: Vec::new(),
     })
 }
 

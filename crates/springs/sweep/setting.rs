@@ -233,10 +233,10 @@ impl Setting {
                     let everywhere = subject.scene.drag;
                     let node = &mut subject.scene.nodes[index];
                     match field {
-                        NodeField::Mass => node.mass = self.new(value, node.mass),
+                        NodeField::Mass => node.mass = self.applied(value, node.mass),
                         NodeField::Drag => {
                             let drag = node.drag.unwrap_or(everywhere);
-                            node.drag = Some(self.new(value, drag));
+                            node.drag = Some(self.applied(value, drag));
                         }
                     }
                 }
@@ -253,7 +253,7 @@ impl Setting {
     }
 
     /// The new value, from the one that is there.
-    fn new(&self, value: f64, now: f64) -> f64 {
+    fn applied(&self, value: f64, now: f64) -> f64 {
         if self.is_factor { value * now } else { value }
     }
 
@@ -315,14 +315,14 @@ impl Setting {
             .position(|(spring, _)| *spring == index);
         let spring = &mut scene.springs[index];
         match field {
-            SpringField::Stiffness => spring.stiffness = self.new(value, spring.stiffness),
+            SpringField::Stiffness => spring.stiffness = self.applied(value, spring.stiffness),
             SpringField::AxialStiffness => {
                 let now = spring.stiffness * spring.rest_length;
-                spring.stiffness = self.new(value, now) / spring.rest_length;
+                spring.stiffness = self.applied(value, now) / spring.rest_length;
             }
-            SpringField::RestLength => spring.rest_length = self.new(value, spring.rest_length),
+            SpringField::RestLength => spring.rest_length = self.applied(value, spring.rest_length),
             SpringField::Prestrain => {
-                let strain = self.new(value, length / spring.rest_length - 1.0);
+                let strain = self.applied(value, length / spring.rest_length - 1.0);
                 spring.rest_length = length / (1.0 + strain);
             }
             SpringField::Pretension if self.is_factor => return Err(self.no_value()),
@@ -334,19 +334,19 @@ impl Setting {
                     source,
                 })?;
             }
-            SpringField::Mass => spring.mass = self.new(value, spring.mass),
+            SpringField::Mass => spring.mass = self.applied(value, spring.mass),
             SpringField::MassPerLength => {
                 let now = spring.mass / spring.rest_length;
-                spring.mass = self.new(value, now) * spring.rest_length;
+                spring.mass = self.applied(value, now) * spring.rest_length;
             }
             SpringField::Damping => {
-                spring.damping = self.new(value, spring.damping);
+                spring.damping = self.applied(value, spring.damping);
                 inputs.damping_ratios.retain(|(spring, _)| *spring != index);
             }
             SpringField::DampingRatio => match ratio {
                 Some(place) => {
                     let ratio = &mut inputs.damping_ratios[place].1;
-                    *ratio = self.new(value, *ratio);
+                    *ratio = self.applied(value, *ratio);
                 }
                 None if self.is_factor => return Err(self.no_value()),
                 None => inputs.damping_ratios.push((index, value)),
@@ -381,7 +381,7 @@ impl Setting {
             _ => None,
         };
         let controlled = match control {
-            Some(now) => Ok(self.new(value, now)),
+            Some(now) => Ok(self.applied(value, now)),
             None if self.is_factor => Err(self.no_value()),
             None => Ok(value),
         };
@@ -391,18 +391,18 @@ impl Setting {
                 if now == 0.0 {
                     return Err(SettingError::NoDirection);
                 }
-                scene.gravity *= self.new(value, now) / now;
+                scene.gravity *= self.applied(value, now) / now;
             }
-            SceneField::Drag => scene.drag = self.new(value, scene.drag),
+            SceneField::Drag => scene.drag = self.applied(value, scene.drag),
             SceneField::DampingOfMasses => {
-                scene.damping.mass = self.new(value, scene.damping.mass);
+                scene.damping.mass = self.applied(value, scene.damping.mass);
             }
             SceneField::DampingOfStiffnesses => {
-                scene.damping.stiffness = self.new(value, scene.damping.stiffness);
+                scene.damping.stiffness = self.applied(value, scene.damping.stiffness);
             }
             SceneField::Step => settings.step = StepControl::Fixed(controlled?),
             SceneField::Tolerance => settings.step = StepControl::Tolerance(controlled?),
-            SceneField::Duration => settings.duration = self.new(value, settings.duration),
+            SceneField::Duration => settings.duration = self.applied(value, settings.duration),
         }
         Ok(())
     }
