@@ -18,7 +18,8 @@ use super::table::{Table, append, quoted};
 use super::{Axis, Plan, PlanError, Run, Subject};
 use serde::{Deserialize, Serialize};
 use springs_io::{
-    Inputs, SceneError, SpringInput, WriteError, read_scene, write_scene, write_whole,
+    Inputs, SceneError, SpringInput, WriteError, read_scene, scene_to_string, write_scene,
+    write_whole,
 };
 use springs_solver::Interrupt;
 use std::collections::BTreeSet;
@@ -174,9 +175,9 @@ impl Folder {
         let _lock = lock(folder)?;
         let Subject { scene, options, .. } = plan.subject();
         if path.exists() {
-            let there = Self::read(folder)?;
-            let is_same = PlanFile::of(&there) == file && there.subject().scene == *scene;
-            return if is_same {
+            let there = std::fs::read_to_string(folder.join(SCENE)).unwrap_or_default();
+            let is_same = PlanFile::of(&Self::read(folder)?) == file;
+            return if is_same && there == scene_to_string(scene, options) {
                 Ok(())
             } else {
                 Err(FolderError::Other {
@@ -184,17 +185,25 @@ impl Folder {
                 })
             };
         }
+        let settings = file.set.iter().map(|axis| &axis.name);
+        let columns = settings.chain(&file.measure).map(|name| quoted(name));
+        let columns: Vec<String> = columns.collect();
+        let header = format!("run,{},failure\n", columns.join(","));
+        let results = folder.join(RESULTS);
+        // Somebody who was killed may have come so far; anything else is not ours.
+        if results.exists() && !std::fs::read(&results).is_ok_and(|text| text == header.as_bytes())
+        {
+            return Err(FolderError::Other {
+                folder: folder.to_owned(),
+            });
+        }
         write_scene(&folder.join(SCENE), scene, options)?;
         let digits = (plan.n_runs() - 1).to_string().len();
         for run in 0..plan.n_runs() {
             let path = folder.join(TODO).join(format!("{run:0digits$}.0"));
             File::create(&path).map_err(|source| failed(&path, source))?;
         }
-        let settings = file.set.iter().map(|axis| &axis.name);
-        let columns = settings.chain(&file.measure).map(|name| quoted(name));
-        let columns: Vec<String> = columns.collect();
-        let header = format!("run,{},failure\n", columns.join(","));
-        write_whole(&folder.join(RESULTS), header.as_bytes())?;
+        write_whole(&results, header.as_bytes())?;
         // Last: without it there is no sweep.
         Ok(write_whole(&path, text.as_bytes())?)
     }

@@ -352,12 +352,13 @@ impl Setting {
                 None => inputs.damping_ratios.push((index, value)),
             },
         }
-        if let Some(own) = own {
-            // The law has the stiffness; another one is refused as the scene's.
-            let is_set = matches!(field, SpringField::Stiffness | SpringField::AxialStiffness);
-            if !is_set {
-                spring.stiffness = own / spring.rest_length;
-            }
+        let is_length = matches!(
+            field,
+            SpringField::RestLength | SpringField::Prestrain | SpringField::Pretension
+        );
+        if let Some(own) = own.filter(|_| is_length) {
+            // The stiffness follows where the law gives tensions by strain.
+            spring.stiffness = own / spring.rest_length;
         }
         Ok(())
     }
