@@ -152,9 +152,10 @@ pub fn compile_with(scene: &Scene, compilation: Compilation) -> Result<System, C
     Ok(system)
 }
 
-/// The linear springs that have a stiffness, or may come to one; those of one rest length between the same two
-/// nodes are one, unless nothing is to be left out: K = ΣK. Their tensions are in
-/// proportion to their stiffnesses, so that this is exact with every projection.
+/// The linear springs that have a stiffness, or may come to one; those of one rest length
+/// between the same two nodes are one, unless nothing is to be left out: K = ΣK. Their
+/// tensions are in proportion to their stiffnesses, so that this is exact with every
+/// projection.
 fn springs_of(scene: &Scene, (is_complete, may_change): (bool, bool)) -> Springs {
     let is_linear = |spring: &Spring| {
         let acts = spring.stiffness > 0.0 || may_change;
@@ -203,8 +204,8 @@ fn loads_of(scene: &Scene) -> Loads<SceneLoad> {
     Loads::new("loads", each)
 }
 
-/// The springs that have a damping, or may come to one; those between the same two nodes that fade nowhere
-/// and cannot break are one, unless nothing is to be left out: c = Σc.
+/// The springs that have a damping, or may come to one; those between the same two nodes
+/// that fade nowhere and cannot break are one, unless nothing is to be left out: c = Σc.
 fn dashpots_of(scene: &Scene, (is_complete, may_change): (bool, bool)) -> Dashpots {
     let may_damp = may_change && scene.damping.stiffness > 0.0;
     let is_damped = |index: usize| scene.dashpot(index) > 0.0 || may_damp;

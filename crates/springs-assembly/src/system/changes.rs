@@ -40,7 +40,7 @@ impl System {
     ///
     /// # Panics
     ///
-    /// If there is not one for each node.
+    /// If there is not one for each node, or the system may not change.
     pub fn set_forces(&mut self, forces: &[Vector3<f64>]) {
         let mut blocks = vec![Vector3::zeros(); forces.len()];
         self.numbering.gather(forces, &mut blocks);

@@ -92,10 +92,13 @@ impl Simulation {
     ///
     /// What a change does to the energy of springs where they are is
     /// [work](crate::Ledger::control_work) of whoever changes them; that of forces and
-    /// anchors is done while they act, and booked as that of loads and anchors. Steps go on with
-    /// what a method carries along, such as filtered tensions; a controller of step sizes
-    /// begins anew with short ones, and `Auto` compares methods again as soon as their price has changed.
-    /// Equal steps that trial runs settled at the start stay as they are.
+    /// anchors is done while they act, and booked as that of loads and anchors. Methods
+    /// hear of it as where springs break: those that filter tensions keep them, others
+    /// start afresh. A controller of step sizes begins anew with short ones, and `Auto`
+    /// compares methods again as soon as their price has changed. Equal steps that trial
+    /// runs settled at the start stay as they are.
+    ///
+    /// States within the last step are to be asked for before a change.
     ///
     /// # Errors
     ///
