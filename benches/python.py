@@ -1,5 +1,5 @@
 """What Python adds to steps: 1e5 steps of a scene of 100 nodes from Python and from the
-command line, and `advance` of one step. Processor times in s, the least of several, those of
+command line, and `advance` of one step, with and without a change of all rest lengths. Processor times in s, the least of several, those of
 the command line with its start and end.
 
     python benches/python.py target/release/springs
@@ -80,11 +80,21 @@ def main():
                 sim.advance(STEP)
             return (time.process_time() - begin) / 10_000
 
-        inside, single = least(at_once), least(one_by_one)
+        rest = sim.rest_length
+
+        def changing():
+            begin = time.process_time()
+            for k in range(10_000):
+                sim.rest_length = rest * (1 + 1e-4 * (k % 2))
+                sim.advance(STEP)
+            return (time.process_time() - begin) / 10_000
+
+        inside, single, changed = least(at_once), least(one_by_one), least(changing)
         print(
             f"{method}: {STEPS} steps {ours:.3f} s, command line {theirs:.3f} s "
             f"({100 * (ours / theirs - 1):+.1f} %); a step {1e6 * inside:.2f} us, "
-            f"advance of one {1e6 * (single - inside):+.2f} us"
+            f"advance of one {1e6 * (single - inside):+.2f} us, "
+            f"with other rest lengths {1e6 * (changed - inside):+.2f} us"
         )
 
 

@@ -48,10 +48,11 @@ fn checkout() -> Workspace {
     workspace
 }
 
-/// Studies get less to do, and less time.
+/// As a shell reads it. Studies and sweeps get less to do, and less time.
 fn shortened(arguments: &str) -> String {
-    let mut words: Vec<&str> = arguments.split(' ').collect();
-    if words[0] == "study" {
+    let words = arguments.split(' ');
+    let mut words: Vec<&str> = words.map(|word| word.trim_matches('\'')).collect();
+    if ["study", "sweep"].contains(&words[0]) {
         for (flag, value) in [("--budget", "2"), ("--duration", "0.05")] {
             if let Some(at) = words.iter().position(|word| *word == flag) {
                 words[at + 1] = value;

@@ -13,7 +13,7 @@
 //! | [`io`] | `springs-io` | scene files, trajectories, reports |
 //!
 //! and what belongs to no single one of them: [`report`], [`inspect`],
-//! [`sinks`], [`filmstrip`], [`plots`], [`view`] and [`study`].
+//! [`sinks`], [`filmstrip`], [`plots`], [`view`], [`study`] and [`sweep`].
 //!
 //! ```
 //! use springs::scene::generate::{Material, cloth};
@@ -33,6 +33,7 @@ pub mod plots;
 pub mod report;
 pub mod sinks;
 pub mod study;
+pub mod sweep;
 pub mod view;
 
 pub use springs_assembly as assembly;

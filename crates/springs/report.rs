@@ -244,7 +244,7 @@ fn energy(islands: &Islands, mut turned_over: TurnedOver) -> EnergyReport {
 }
 
 /// An energy as files and tables have it.
-pub fn energy_sum(energy: &Energy) -> EnergySum {
+fn energy_sum(energy: &Energy) -> EnergySum {
     EnergySum {
         kinetic: energy.kinetic,
         elastic: energy.elastic(),

@@ -14,6 +14,7 @@ array([0])
 
 from ._errors import Error, Interrupted, SceneError, StepError, SystemError
 from ._springs import Check, Equilibrium, Law, Result, Scene, Simulation, Study, __version__, load
+from ._sweep import SweepResult, sweep
 
 __all__ = [
     "Check",
@@ -27,6 +28,8 @@ __all__ = [
     "Simulation",
     "StepError",
     "Study",
+    "SweepResult",
     "SystemError",
     "load",
+    "sweep",
 ]

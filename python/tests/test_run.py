@@ -219,5 +219,31 @@ class Interrupts(unittest.TestCase):
         self.assertIsInstance(error, KeyboardInterrupt)
 
 
+class Starts(unittest.TestCase):
+    def test_what_broke_and_yielded_stays_so(self):
+        text = """Scene(version: 1,
+            nodes: [(position: (0, 0, 0), fixed: true),
+                    (position: (1, 0, 0), velocity: (2, 0, 0), mass: 0.5),
+                    (position: (3, 0, 0), velocity: (1, 0, 0), mass: 0.5)],
+            springs: [(nodes: (0, 1), stiffness: 100, breaks_at: Strain(0.1)),
+                      (nodes: (1, 2), stiffness: 100, rest_length: 1.9, law: Plastic(yields_at: 5))])"""
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "scene.ron"
+            path.write_text(text)
+            s = sp.load(path)
+        how = {"step": 1e-3, "method": "velocity-verlet"}
+        whole, half = s.run(1.0, frames=2, **how), s.run(0.5, frames=1, **how)
+        np.testing.assert_array_equal(half.broken, [True, False])
+        self.assertGreater(half.yielded[1], 0)
+        with s.simulation(**how) as sim:
+            sim.advance(0.5)
+            np.testing.assert_array_equal(sim.broken, half.broken)
+            np.testing.assert_array_equal(sim.yielded, half.yielded)
+            for start in (half, sim):
+                rest = s.run(0.5, start=start, frames=1, **how)
+                self.assertEqual(bits(rest.x[-1], rest.v[-1]), bits(whole.x[-1], whole.v[-1]))
+                np.testing.assert_array_equal(rest.yielded, whole.yielded)
+
+
 if __name__ == "__main__":
     unittest.main()

@@ -265,5 +265,19 @@ class Errors(unittest.TestCase):
         self.assertEqual(len(error.result.x), len(error.result.t))
 
 
+class Ratios(unittest.TestCase):
+    def test_a_negative_damping_ratio_is_not_written(self):
+        s = sp.Scene()
+        s.nodes([(0, 0, 0), (1, 0, 0)], mass=1)
+        s.springs([(0, 1)], stiffness=50, damping_ratio=-0.1)
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "scene.ron"
+            with self.assertRaises(sp.SceneError) as caught:
+                s.write(path)
+            self.assertFalse(path.exists())
+        self.assertEqual(caught.exception.spring, 0)
+        self.assertIn("damping ratio", str(caught.exception))
+
+
 if __name__ == "__main__":
     unittest.main()

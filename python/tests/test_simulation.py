@@ -128,6 +128,40 @@ class Simulations(unittest.TestCase):
         self.assertEqual(caught.exception.spring, 0)
         self.assertEqual(bits(sim.x), bits(other.x))
 
+    def test_anchors_move_from_where_they_are(self):
+        # In the frame of the anchor: x = 1 + v t - v/w sin w t.
+        s = sp.Scene()
+        s.nodes([(0, 0, 0), (1, 0, 0)], mass=2)
+        s.springs([(0, 1)], stiffness=50)
+        s.fix(0)
+        sim = s.simulation(step=1e-3, method="dop853")
+        sim.advance(0.1)
+        sim.anchor_velocity = [(0.5, 0, 0), (0, 0, 0)]
+        np.testing.assert_array_equal(sim.v[0], (0.5, 0, 0))
+        sim.advance(0.2)
+        self.assertAlmostEqual(sim.x[0, 0], 0.1, places=14)
+        self.assertAlmostEqual(sim.x[1, 0], 1.1 - 0.1 * np.sin(1.0), places=12)
+        self.assertAlmostEqual(sim.energy["anchor_work"], sim.energy["total"], places=9)
+        other = pickle.loads(pickle.dumps(sim))
+        np.testing.assert_array_equal(other.anchor_velocity, sim.anchor_velocity)
+        for one in (sim, other):
+            one.anchor_velocity = np.zeros((2, 3))
+            one.advance(0.1)
+        self.assertEqual(bits(sim.x, sim.v), bits(other.x, other.v))
+        self.assertAlmostEqual(sim.x[0, 0], 0.1, places=14)
+        with self.assertRaises(sp.SceneError) as caught:
+            sim.anchor_velocity = np.ones((2, 3))
+        self.assertEqual(caught.exception.node, 1)
+
+    def test_damaged_saves_are_told(self):
+        saved = net().simulation(step=1 / 240).save()
+        for k in [0, len(saved) // 3, len(saved) - 1]:
+            damaged = bytearray(saved)
+            damaged[k] ^= 4
+            for wrong in (bytes(damaged), saved[:k]):
+                with self.assertRaises(sp.SceneError):
+                    net().simulation(step=1 / 240).restore(wrong)
+
     def test_changes_keep_what_is_broken_or_has_yielded(self):
         # A weight thrown from a support, and a spring between supports to be changed.
         text = """Scene(

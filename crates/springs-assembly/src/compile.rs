@@ -57,6 +57,9 @@ pub struct Compilation {
     /// Nothing is left out: springs between the same nodes stay apart, and the motion
     /// is in space even where it stays on a plane or a line.
     pub is_complete: bool,
+    /// [Springs](System::change_springs) and [forces](System::set_forces) may change
+    /// between steps. Then nothing is left out either.
+    pub may_change: bool,
 }
 
 impl Compilation {
@@ -90,22 +93,27 @@ pub fn compile_with(scene: &Scene, compilation: Compilation) -> Result<System, C
     let Compilation {
         emitters: others,
         is_complete,
+        may_change,
     } = compilation;
+    let is_complete = is_complete || may_change;
     let problems = scene.problems();
     if !problems.is_empty() {
         return Err(CompileError::Problems(problems));
     }
     let numbering = Numbering::new(scene.nodes.iter().map(|node| node.fixed));
     let masses = lump_mass(scene, &numbering);
-    let mut springs = springs_of(scene, is_complete);
+    let mut springs = springs_of(scene, (is_complete, may_change));
     springs.number(&numbering);
     if !is_complete {
         springs.find_isotropy();
     }
-    let mut dashpots = dashpots_of(scene, is_complete);
+    let mut dashpots = dashpots_of(scene, (is_complete, may_change));
     dashpots.number(&numbering);
     let gravity = Gravity::new(&scene.gravity, &masses);
     let mut loads = loads_of(scene);
+    if may_change {
+        loads = loads.with_set_forces(scene.nodes.len());
+    }
     loads.number(&numbering);
     let mut drag = Drag::of_nodes(scene.node_drags());
     drag.number(&numbering);
@@ -144,12 +152,15 @@ pub fn compile_with(scene: &Scene, compilation: Compilation) -> Result<System, C
     Ok(system)
 }
 
-/// The linear springs that have a stiffness; those of one rest length between the same two
-/// nodes are one, unless nothing is to be left out: K = ΣK. Their tensions are in
-/// proportion to their stiffnesses, so that this is exact with every projection.
-fn springs_of(scene: &Scene, is_complete: bool) -> Springs {
-    let is_linear =
-        |spring: &Spring| spring.stiffness > 0.0 && spring.law.is_none() && !spring.is_breakable();
+/// The linear springs that have a stiffness, or may come to one; those of one rest length
+/// between the same two nodes are one, unless nothing is to be left out: K = ΣK. Their
+/// tensions are in proportion to their stiffnesses, so that this is exact with every
+/// projection.
+fn springs_of(scene: &Scene, (is_complete, may_change): (bool, bool)) -> Springs {
+    let is_linear = |spring: &Spring| {
+        let acts = spring.stiffness > 0.0 || may_change;
+        acts && spring.law.is_none() && !spring.is_breakable()
+    };
     // Rest lengths are not negative, so their bits are in their order.
     let firsts = firsts_of_pairs(scene, is_complete, |_, spring| {
         is_linear(spring).then_some((spring.rest_length + 0.0).to_bits())
@@ -193,10 +204,11 @@ fn loads_of(scene: &Scene) -> Loads<SceneLoad> {
     Loads::new("loads", each)
 }
 
-/// The springs that have a damping; those between the same two nodes that fade nowhere
-/// and cannot break are one, unless nothing is to be left out: c = Σc.
-fn dashpots_of(scene: &Scene, is_complete: bool) -> Dashpots {
-    let is_damped = |index: usize| scene.dashpot(index) > 0.0;
+/// The springs that have a damping, or may come to one; those between the same two nodes
+/// that fade nowhere and cannot break are one, unless nothing is to be left out: c = Σc.
+fn dashpots_of(scene: &Scene, (is_complete, may_change): (bool, bool)) -> Dashpots {
+    let may_damp = may_change && scene.damping.stiffness > 0.0;
+    let is_damped = |index: usize| scene.dashpot(index) > 0.0 || may_damp;
     let firsts = firsts_of_pairs(scene, is_complete, |index, _| {
         let stays = fading(scene, index) == Fading::Nowhere && !scene.springs[index].is_breakable();
         (is_damped(index) && stays).then_some(())
@@ -212,10 +224,8 @@ fn dashpots_of(scene: &Scene, is_complete: bool) -> Dashpots {
     let dashpots: Vec<_> = damped.iter().map(nodes).collect();
     let fading = damped.iter().map(|&index| fading(scene, index)).collect();
     let dashpots = Dashpots::new(&dashpots).with_fading(fading);
-    if damped
-        .iter()
-        .any(|&index| scene.springs[index].is_breakable())
-    {
+    let may_break = |&index: &usize| scene.springs[index].is_breakable();
+    if may_change || damped.iter().any(may_break) {
         dashpots.of_springs(damped)
     } else {
         dashpots

@@ -3,7 +3,8 @@
 use crate::connections::Connections;
 use crate::matrix::{OffDiagonal, PairBlocks};
 use crate::{
-    BetweenFixed, Emitter, Evaluation, Linearization, Nature, Numbering, PACKED, StiffnessKind,
+    BetweenFixed, Emitter, Evaluation, Linearization, Nature, Numbering, PACKED, SpringNumbers,
+    StiffnessKind,
 };
 use nalgebra::{Matrix3, Vector3};
 use springs_math::Separation;
@@ -16,7 +17,7 @@ pub struct Dashpots {
     damping: Vec<f64>,
     /// Empty if none of them fades.
     fading: Vec<Fading>,
-    /// The spring of each; empty if none of these can break.
+    /// The spring of each; empty if none of these can break or change.
     springs: Vec<usize>,
     /// Whether it is broken.
     is_off: Vec<bool>,
@@ -49,7 +50,7 @@ impl Dashpots {
         self
     }
 
-    /// With the springs that they go along, which can break.
+    /// With the springs that they go along, which can break or change.
     pub(crate) fn of_springs(mut self, springs: Vec<usize>) -> Self {
         assert_eq!(springs.len(), self.damping.len(), "one for each");
         self.is_off = vec![false; springs.len()];
@@ -169,6 +170,15 @@ impl Emitter for Dashpots {
         }
         if !self.springs.is_empty() {
             self.springs = order.iter().map(|&index| self.springs[index]).collect();
+        }
+    }
+
+    fn change_springs(&mut self, springs: &[SpringNumbers]) {
+        for (index, &spring) in self.springs.iter().enumerate() {
+            self.damping[index] = springs[spring].damping;
+            if let Some(fading) = self.fading.get_mut(index) {
+                *fading = springs[spring].fading;
+            }
         }
     }
 

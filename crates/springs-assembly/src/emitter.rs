@@ -2,6 +2,8 @@
 
 use crate::{Linearization, Numbering};
 use nalgebra::Vector3;
+use springs_math::dashpot::Fading;
+use springs_math::spring::Spring;
 
 /// A batch of terms of one kind: the only door to forces. Springs, dashpots and
 /// gravity come through it, and so does what somebody else writes; see
@@ -208,6 +210,13 @@ pub trait Emitter: Send + Sync {
     /// What is carried of broken springs is zero.
     fn clear_broken(&self, _carried: &mut [f64]) {}
 
+    /// Takes new numbers of the springs of the list that it was made from. Stencils, what
+    /// lasts of where it has been, and what may be relied on stay as they are.
+    fn change_springs(&mut self, _springs: &[SpringNumbers]) {}
+
+    /// Takes the force on each block, in N, that it gives beside its own loads from now on.
+    fn set_forces(&mut self, _forces: &[Vector3<f64>]) {}
+
     /// How many terms a projection makes a difference to.
     fn count_projected(&self, _at: &Evaluation<'_>) -> usize {
         0
@@ -229,6 +238,17 @@ pub trait Emitter: Send + Sync {
     fn most_strained_at(&self, _block: usize, _x: &[Vector3<f64>]) -> Option<Strained> {
         None
     }
+}
+
+/// The numbers of a spring that may change between steps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SpringNumbers {
+    /// K and l₀.
+    pub spring: Spring,
+    /// c of its dashpot, in N·s/m.
+    pub damping: f64,
+    /// Where that acts.
+    pub fading: Fading,
 }
 
 /// From where on a change of length is notable: both of these.

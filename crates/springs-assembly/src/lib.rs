@@ -55,7 +55,7 @@ pub use dofs::Numbering;
 pub use elements::{Element, PointMasses, SpringMasses};
 pub use emitter::{
     BetweenFixed, BrokenSpring, Emitter, Evaluation, MemoryUpdate, Nature, Notable, Projection,
-    StiffnessKind, Strained, Weights,
+    SpringNumbers, StiffnessKind, Strained, Weights,
 };
 pub use energy::{Energy, Lines};
 pub use loads::{History, Loads};

@@ -21,6 +21,8 @@ pub struct Loads<H> {
     /// Nodes of the scene until they are numbered; then blocks.
     blocks: Vec<u32>,
     n_free: usize,
+    /// Forces on all blocks that were set, in N; empty unless that may happen.
+    set: Vec<Vector3<f64>>,
 }
 
 /// A force over time, as scenes have it.
@@ -50,7 +52,21 @@ impl<H: History> Loads<H> {
             histories,
             blocks,
             n_free: 0,
+            set: Vec::new(),
         }
+    }
+
+    /// With forces on all of `n_nodes` nodes that are [set](Emitter::set_forces) between
+    /// steps, none so far.
+    pub(crate) fn with_set_forces(self, n_nodes: usize) -> Self {
+        Self {
+            set: vec![Vector3::zeros(); n_nodes],
+            ..self
+        }
+    }
+
+    fn is_empty(&self) -> bool {
+        self.histories.is_empty() && self.set.is_empty()
     }
 
     /// Adds a vector for each load on a free block.
@@ -74,10 +90,10 @@ impl<H: History> Emitter for Loads<H> {
             n_merged: 0,
             stiffness: StiffnessKind::None,
             is_constant: false,
-            is_load: !self.histories.is_empty(),
+            is_load: !self.is_empty(),
             is_damped: false,
             // They may push anywhere.
-            is_central: self.histories.is_empty(),
+            is_central: self.is_empty(),
             has_symmetric_blocks: true,
         }
     }
@@ -101,12 +117,18 @@ impl<H: History> Emitter for Loads<H> {
 
     fn add_loads(&self, time: f64, forces: &mut [Vector3<f64>]) {
         self.add(|history| history.force(time), forces);
+        add_each(&self.set, &mut forces[..self.n_free]);
     }
 
     fn add_loads_on_all(&self, time: f64, forces: &mut [Vector3<f64>]) {
         for (history, &block) in self.histories.iter().zip(&self.blocks) {
             forces[block as usize] += history.force(time);
         }
+        add_each(&self.set, forces);
+    }
+
+    fn set_forces(&mut self, forces: &[Vector3<f64>]) {
+        self.set.copy_from_slice(forces);
     }
 
     fn add_load_rates(&self, time: f64, rates: &mut [Vector3<f64>]) {
@@ -118,4 +140,11 @@ impl<H: History> Emitter for Loads<H> {
     fn add_products(&self, _at: &Evaluation<'_>, _y: &[Vector3<f64>], _p: &mut [Vector3<f64>]) {}
 
     fn add_stiffness_bounds(&self, _bounds: &mut [f64]) {}
+}
+
+/// Adds vectors to as many others, or none.
+fn add_each(vectors: &[Vector3<f64>], sums: &mut [Vector3<f64>]) {
+    for (sum, vector) in sums.iter_mut().zip(vectors) {
+        *sum += vector;
+    }
 }

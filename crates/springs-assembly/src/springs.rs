@@ -4,7 +4,7 @@ use crate::connections::Connections;
 use crate::matrix::{OffDiagonal, PairBlocks, times};
 use crate::{
     BetweenFixed, BrokenSpring, Emitter, Evaluation, Linearization, MemoryUpdate, Nature, Notable,
-    Numbering, Projection, StiffnessKind, Strained,
+    Numbering, Projection, SpringNumbers, StiffnessKind, Strained,
 };
 use nalgebra::Vector3;
 use springs_math::Separation;
@@ -410,6 +410,12 @@ impl<L: LengthLaw + Clone + Send + Sync> Emitter for Springs<L> {
 
     fn each_energy(&self, x: &[Vector3<f64>], visit: &mut dyn FnMut(usize, f64)) {
         self.each_part(visit, |index| self.energy_of(index, x));
+    }
+
+    fn change_springs(&mut self, springs: &[SpringNumbers]) {
+        for (law, &index) in self.laws.iter_mut().zip(&self.index) {
+            law.set_spring(springs[index].spring);
+        }
     }
 
     fn has_memory(&self) -> bool {

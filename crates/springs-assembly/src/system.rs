@@ -1,6 +1,7 @@
 //! The compiled scene: global forces and matrices for any state.
 
 mod bounds;
+mod changes;
 mod energies;
 mod memory;
 
@@ -34,6 +35,8 @@ pub struct System {
     pattern: Arc<BlockPattern>,
     initial_positions: Vec<Vector3<f64>>,
     initial_velocities: Vec<Vector3<f64>>,
+    /// In rad/s: of all nodes, and of those with a mass.
+    frequency_bounds: [f64; 2],
 }
 
 /// The part of the next emitter, which is no longer among the rest of what a method
@@ -95,7 +98,8 @@ impl System {
         let guides = Guides::new(scene, &numbering, &pattern);
         let mut initial_velocities = ordered(Scene::start_velocity);
         guides.project(&mut initial_velocities);
-        Self {
+        let mut system = Self {
+            frequency_bounds: [0.0; 2],
             constant_forces,
             guides,
             prescribed: Prescribed::of_scene(scene, &numbering),
@@ -110,7 +114,9 @@ impl System {
             couplings,
             motion,
             pattern: Arc::new(pattern),
-        }
+        };
+        system.find_bounds();
+        system
     }
 
     /// Which node is which block.

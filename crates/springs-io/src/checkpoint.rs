@@ -1,7 +1,7 @@
 //! Checkpoints: what a run has come to, in one checked file.
 
 use crate::atomic::{Draft, WriteError};
-use std::io::{self, Read as _};
+use std::io;
 use std::path::{Path, PathBuf};
 
 /// What a run needs to go on.
@@ -25,33 +25,89 @@ pub enum CheckpointError {
         /// Why.
         source: io::Error,
     },
-    /// The file is something else.
-    #[error("{} is not a checkpoint", path.display())]
-    NoCheckpoint {
+    /// The file is no sound checkpoint.
+    #[error("{} {fault}", path.display())]
+    Unsound {
         /// The file.
         path: PathBuf,
+        /// Why.
+        fault: CheckpointFault,
     },
-    /// Another version of this program wrote it.
-    #[error("{} has version {found} of checkpoints, but this program reads version {VERSION}", path.display())]
+}
+
+/// Bytes are no sound checkpoint; the words go on after what the bytes are called.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum CheckpointFault {
+    /// They are something else.
+    #[error("is not a checkpoint")]
+    NoCheckpoint,
+    /// Another version of this program wrote them.
+    #[error("has version {found} of checkpoints, but this program reads version {VERSION}")]
     OtherVersion {
-        /// The file.
-        path: PathBuf,
-        /// Its version.
+        /// Their version.
         found: u32,
     },
-    /// The file is cut off, or something in it has changed.
-    #[error("{} is damaged: it is cut off, or something in it has changed", path.display())]
-    Damaged {
-        /// The file.
-        path: PathBuf,
-    },
+    /// They are cut off, or something in them has changed.
+    #[error("is damaged: it is cut off, or something in it has changed")]
+    Damaged,
 }
 
 /// How every checkpoint begins; then come its version, the check sum of the
 /// rest, the length of `about` in bytes, `about`, and the words, all
 /// little-endian.
 const MAGIC: &[u8] = b"springs checkpoint\n";
-const VERSION: u32 = 6;
+const VERSION: u32 = 7;
+/// Bytes of the check sum, and those before what it is of.
+const SUM: usize = 4;
+const BODY: usize = MAGIC.len() + 4 + SUM;
+
+impl Checkpoint {
+    /// As it stands in a file.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let Self { about, words } = self;
+        let mut bytes = Vec::with_capacity(BODY + 8 + about.len() + 8 * words.len());
+        bytes.extend(MAGIC);
+        bytes.extend(VERSION.to_le_bytes());
+        bytes.extend([0; SUM]);
+        bytes.extend((about.len() as u64).to_le_bytes());
+        bytes.extend(about.bytes());
+        bytes.extend(words.iter().flat_map(|word| word.to_le_bytes()));
+        let sum = crc32fast::hash(&bytes[BODY..]).to_le_bytes();
+        bytes[BODY - SUM..BODY].copy_from_slice(&sum);
+        bytes
+    }
+
+    /// From the bytes of a file.
+    ///
+    /// # Errors
+    ///
+    /// If they are no sound checkpoint of this version.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, CheckpointFault> {
+        use CheckpointFault::{Damaged, NoCheckpoint, OtherVersion};
+        let rest = bytes.strip_prefix(MAGIC).ok_or(NoCheckpoint)?;
+        let (version, rest) = rest.split_first_chunk().ok_or(Damaged)?;
+        let found = u32::from_le_bytes(*version);
+        if found != VERSION {
+            return Err(OtherVersion { found });
+        }
+        let (sum, body) = rest.split_first_chunk::<SUM>().ok_or(Damaged)?;
+        if crc32fast::hash(body) != u32::from_le_bytes(*sum) {
+            return Err(Damaged);
+        }
+        let (length, rest) = body.split_first_chunk().ok_or(Damaged)?;
+        let length = usize::try_from(u64::from_le_bytes(*length)).map_err(|_| Damaged)?;
+        let (about, words) = rest.split_at_checked(length).ok_or(Damaged)?;
+        let (words, rest) = words.as_chunks();
+        if !rest.is_empty() {
+            return Err(Damaged);
+        }
+        Ok(Self {
+            about: String::from_utf8(about.to_vec()).map_err(|_| Damaged)?,
+            words: words.iter().map(|word| u64::from_le_bytes(*word)).collect(),
+        })
+    }
+}
 
 /// Writes a checkpoint, whole or not at all; it is on the disk when this
 /// returns.
@@ -60,16 +116,8 @@ const VERSION: u32 = 6;
 ///
 /// If it cannot be written; an older one is then untouched.
 pub fn write_checkpoint(path: &Path, checkpoint: &Checkpoint) -> Result<(), WriteError> {
-    let Checkpoint { about, words } = checkpoint;
-    let mut body = Vec::with_capacity(8 + about.len() + 8 * words.len());
-    body.extend((about.len() as u64).to_le_bytes());
-    body.extend(about.bytes());
-    body.extend(words.iter().flat_map(|word| word.to_le_bytes()));
     let mut draft = Draft::begin(path)?;
-    draft.write(MAGIC)?;
-    draft.write(&VERSION.to_le_bytes())?;
-    draft.write(&crc32fast::hash(&body).to_le_bytes())?;
-    draft.write(&body)?;
+    draft.write(&checkpoint.to_bytes())?;
     draft.finish_on_disk()
 }
 
@@ -80,38 +128,13 @@ pub fn write_checkpoint(path: &Path, checkpoint: &Checkpoint) -> Result<(), Writ
 /// If the file cannot be read or is not a sound checkpoint of this version.
 pub fn read_checkpoint(path: &Path) -> Result<Checkpoint, CheckpointError> {
     let own_path = || path.to_owned();
-    let mut bytes = Vec::new();
-    let read = std::fs::File::open(path).and_then(|mut file| file.read_to_end(&mut bytes));
-    read.map_err(|source| CheckpointError::Unreadable {
+    let bytes = std::fs::read(path).map_err(|source| CheckpointError::Unreadable {
         path: own_path(),
         source,
     })?;
-    let Some(rest) = bytes.strip_prefix(MAGIC) else {
-        return Err(CheckpointError::NoCheckpoint { path: own_path() });
-    };
-    let damaged = || CheckpointError::Damaged { path: own_path() };
-    let (version, rest) = rest.split_first_chunk().ok_or_else(damaged)?;
-    let found = u32::from_le_bytes(*version);
-    if found != VERSION {
-        return Err(CheckpointError::OtherVersion {
-            path: own_path(),
-            found,
-        });
-    }
-    let (sum, body) = rest.split_first_chunk().ok_or_else(damaged)?;
-    if crc32fast::hash(body) != u32::from_le_bytes(*sum) {
-        return Err(damaged());
-    }
-    let (length, rest) = body.split_first_chunk().ok_or_else(damaged)?;
-    let length = usize::try_from(u64::from_le_bytes(*length)).map_err(|_| damaged())?;
-    let (about, words) = rest.split_at_checked(length).ok_or_else(damaged)?;
-    let (words, rest) = words.as_chunks();
-    if !rest.is_empty() {
-        return Err(damaged());
-    }
-    Ok(Checkpoint {
-        about: String::from_utf8(about.to_vec()).map_err(|_| damaged())?,
-        words: words.iter().map(|word| u64::from_le_bytes(*word)).collect(),
+    Checkpoint::from_bytes(&bytes).map_err(|fault| CheckpointError::Unsound {
+        path: own_path(),
+        fault,
     })
 }
 
@@ -154,7 +177,10 @@ mod tests {
         std::fs::write(&path, [&sound[..], b"more"].concat()).unwrap();
         assert!(matches!(
             read_checkpoint(&path),
-            Err(CheckpointError::Damaged { .. })
+            Err(CheckpointError::Unsound {
+                fault: CheckpointFault::Damaged,
+                ..
+            })
         ));
     }
 
@@ -166,15 +192,17 @@ mod tests {
         assert!(matches!(missing, CheckpointError::Unreadable { .. }));
         std::fs::write(&path, b"Scene(").unwrap();
         let other = read_checkpoint(&path).unwrap_err();
-        assert!(matches!(other, CheckpointError::NoCheckpoint { .. }));
+        let fault_of = |error| match error {
+            CheckpointError::Unsound { fault, .. } => Some(fault),
+            _ => None,
+        };
+        assert_eq!(fault_of(other), Some(CheckpointFault::NoCheckpoint));
         write_checkpoint(&path, &checkpoint()).unwrap();
         let mut bytes = std::fs::read(&path).unwrap();
         bytes[MAGIC.len()] = 9;
         std::fs::write(&path, &bytes).unwrap();
         let version = read_checkpoint(&path).unwrap_err();
-        assert!(matches!(
-            version,
-            CheckpointError::OtherVersion { found: 9, .. }
-        ));
+        let other = CheckpointFault::OtherVersion { found: 9 };
+        assert_eq!(fault_of(version), Some(other));
     }
 }

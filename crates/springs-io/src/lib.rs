@@ -55,7 +55,9 @@ mod write;
 mod zip;
 
 pub use atomic::{WriteError, remove_drafts, try_to_write, write_whole};
-pub use checkpoint::{Checkpoint, CheckpointError, read_checkpoint, write_checkpoint};
+pub use checkpoint::{
+    Checkpoint, CheckpointError, CheckpointFault, read_checkpoint, write_checkpoint,
+};
 pub use csv_rows::{RowsError, read_points};
 pub use energies::ENERGIES;
 pub use frames::{FrameFile, FrameSize, Quantity};

@@ -387,7 +387,7 @@ fn scene(
         settings: settings(file.simulation),
         output,
     };
-    damp(&resolved.ratios, &mut scene, findings);
+    damp(&resolved.inputs.damping_ratios, &mut scene, findings);
     let inputs = Inputs {
         groups: groups.into_named(),
         ..resolved.inputs

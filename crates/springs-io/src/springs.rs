@@ -22,6 +22,8 @@ pub struct Inputs {
     /// Of each spring that is given by more than stiffness, rest length, mass and
     /// damping.
     pub springs: Vec<SpringInput>,
+    /// Springs that are given by a damping ratio, and these.
+    pub damping_ratios: Vec<(usize, f64)>,
 }
 
 /// How a spring is given.
@@ -41,6 +43,19 @@ pub struct SpringInput {
     pub is_prestressed: bool,
 }
 
+impl SpringInput {
+    /// A spring of a material of which nothing else is known.
+    pub fn of_material(spring: usize, material: usize) -> Self {
+        Self {
+            spring,
+            material: Some(material),
+            area: None,
+            is_by_length: false,
+            is_prestressed: false,
+        }
+    }
+}
+
 /// What becomes of the springs of a file.
 pub(crate) struct Resolved {
     pub(crate) springs: Vec<Spring>,
@@ -48,8 +63,6 @@ pub(crate) struct Resolved {
     /// Where the file has each law.
     pub(crate) law_places: Vec<Path>,
     pub(crate) inputs: Inputs,
-    /// Springs with damping ratios, and these.
-    pub(crate) ratios: Vec<(usize, f64)>,
 }
 
 /// The springs and laws of a file. Adds what is wrong to `findings`.
@@ -70,7 +83,6 @@ pub(crate) fn springs(
             laws: Vec::new(),
             law_places: Vec::new(),
             inputs: Inputs::default(),
-            ratios: Vec::new(),
         },
     };
     for (index, (name, material)) in materials.iter().enumerate() {
@@ -362,7 +374,9 @@ impl SpringReader<'_, '_> {
             };
         }
         match means.damping {
-            Some(("damping_ratio", ratio)) => self.resolved.ratios.push((index, ratio)),
+            Some(("damping_ratio", ratio)) => {
+                self.resolved.inputs.damping_ratios.push((index, ratio))
+            }
             Some((_, damping)) => spring.damping = damping,
             None => {}
         }

@@ -42,6 +42,11 @@ pub trait LengthLaw {
     /// Whether k is never negative.
     fn is_convex(&self) -> bool;
 
+    /// Takes K and l₀ of `spring` in place of its own; a law whose stiffness follows from
+    /// other numbers takes l₀ alone, and one that has neither stays as it is. What it
+    /// remembers stays.
+    fn set_spring(&mut self, _spring: Spring) {}
+
     /// Whether [`Self::update_memory`] may change it.
     fn has_memory(&self) -> bool {
         false
@@ -136,6 +141,10 @@ impl Spring {
 }
 
 impl LengthLaw for Spring {
+    fn set_spring(&mut self, spring: Spring) {
+        *self = spring;
+    }
+
     #[inline(always)]
     fn energy(&self, length: f64) -> f64 {
         let stretch = length - self.rest_length;

@@ -16,8 +16,10 @@ mod result;
 mod scene;
 mod simulation;
 mod springs_of;
+mod start;
 mod statics;
 mod study;
+mod sweep;
 
 use pyo3::prelude::*;
 

@@ -85,6 +85,8 @@ impl Run {
         let (islands, record) = (&mut self.islands, recorder.record);
         let (ending, frames) = (Ending::from(outcome), record.n_frames());
         let report = report(&self.scene, islands, ending, timings, turned_over);
+        let mut last = self.scene.clone();
+        islands.write_memory_to(&mut last);
         let result = RunResult {
             t: array1(py, record.times).unbind(),
             x: array3(py, record.positions, n_nodes, frames).unbind(),
@@ -93,6 +95,16 @@ impl Run {
             energy: energies(py, record.energies)?.unbind(),
             status: report.status.clone(),
             report: json(py, &report)?,
+            broken: array1(
+                py,
+                last.springs.iter().map(|spring| spring.broken).collect(),
+            )
+            .unbind(),
+            yielded: array1(
+                py,
+                last.springs.iter().map(|spring| spring.yielded).collect(),
+            )
+            .unbind(),
             time: islands.time(),
             words: (ending == Ending::Interrupted).then(|| islands.save()),
             turned_over,
@@ -143,6 +155,12 @@ pub(crate) struct RunResult {
     /// the method itself gained or, if negative, lost.
     #[pyo3(get)]
     energy: Py<PyDict>,
+    /// Which springs are broken at the end: (k,).
+    #[pyo3(get)]
+    broken: Py<PyArray1<bool>>,
+    /// By how much springs have yielded at the end, in m: (k,).
+    #[pyo3(get)]
+    yielded: Py<PyArray1<f64>>,
     /// What `report.json` of the command line holds.
     #[pyo3(get)]
     report: Py<PyAny>,
@@ -232,16 +250,19 @@ impl RunResult {
     }
 
     /// Writes the file of arrays into a folder, and says where it is.
-    fn write_arrays(&self, py: Python<'_>, folder: &Path) -> PyResult<PathBuf> {
+    fn write_arrays(&self, numbers: &Numbers, folder: &Path) -> Result<PathBuf, Fault> {
         let mut sink = Npz.begin(folder, &self.plan()).map_err(Fault::system)?;
-        self.show(&self.numbers(py)?, &mut *sink)?;
+        self.show(numbers, &mut *sink)?;
         self.finish(sink)?;
         Ok(folder.join(Npz.files()[0]))
     }
 
-    fn write_energies(&self, py: Python<'_>, folder: &Path) -> PyResult<()> {
-        let times = self.t.bind(py).to_vec().map_err(changed)?;
-        let columns = self.columns(py)?;
+    fn write_energies(
+        &self,
+        times: &[f64],
+        columns: &[Vec<f64>; ENERGIES.len()],
+        folder: &Path,
+    ) -> Result<(), Fault> {
         let mut sink = ENERGY_TABLE
             .begin(folder, &self.plan())
             .map_err(Fault::system)?;
@@ -250,7 +271,7 @@ impl RunResult {
             let energies = energies_of(time, row);
             sink.energies(&energies).map_err(Fault::system)?;
         }
-        Ok(self.finish(sink)?)
+        self.finish(sink)
     }
 }
 
@@ -260,12 +281,12 @@ fn changed(error: impl std::fmt::Display) -> Fault {
 }
 
 /// A folder for files that are on their way, beside where they go.
-fn folder_beside(path: &Path) -> PyResult<tempfile::TempDir> {
+fn folder_beside(path: &Path) -> Result<tempfile::TempDir, Fault> {
     let parent = path
         .parent()
         .filter(|parent| !parent.as_os_str().is_empty());
     let folder = tempfile::tempdir_in(parent.unwrap_or(Path::new(".")));
-    Ok(folder.map_err(|error| cannot_write(path, error))?)
+    folder.map_err(|error| cannot_write(path, error))
 }
 
 fn cannot_write(path: &Path, source: std::io::Error) -> Fault {
@@ -300,10 +321,13 @@ impl RunResult {
     /// Writes all frames for `numpy.load`: `time` (f,), `position`, `velocity` (f, n, 3),
     /// `springs` (k, 2), `length`, `tension` (f, k); the same file as `--write npz`.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        let folder = folder_beside(&path)?;
-        let file = self.write_arrays(py, folder.path())?;
-        let moved = std::fs::rename(file, &path);
-        Ok(moved.map_err(|error| cannot_write(&path, error))?)
+        let numbers = self.numbers(py)?;
+        py.detach(|| {
+            let folder = folder_beside(&path)?;
+            let file = self.write_arrays(&numbers, folder.path())?;
+            let moved = std::fs::rename(file, &path);
+            Ok(moved.map_err(|error| cannot_write(&path, error))?)
+        })
     }
 
     /// Writes a page to look at the run in a browser and returns its path; without a
@@ -318,11 +342,14 @@ impl RunResult {
                 (folder.join("view.html"), true)
             }
         };
-        let folder = tempfile::tempdir().map_err(Fault::system)?;
-        self.write_arrays(py, folder.path())?;
-        self.write_energies(py, folder.path())?;
-        let page = page_of(folder.path(), &self.scene).map_err(Fault::system)?;
-        write_whole(&path, page.as_bytes()).map_err(Fault::system)?;
+        let (numbers, energies) = (self.numbers(py)?, self.columns(py)?);
+        py.detach(|| {
+            let folder = tempfile::tempdir().map_err(Fault::system)?;
+            self.write_arrays(&numbers, folder.path())?;
+            self.write_energies(&numbers.times, &energies, folder.path())?;
+            let page = page_of(folder.path(), &self.scene).map_err(Fault::system)?;
+            write_whole(&path, page.as_bytes()).map_err(Fault::system)
+        })?;
         if opens {
             let address = format!("file://{}", path.display());
             py.import("webbrowser")?.call_method1("open", (address,))?;
@@ -338,16 +365,21 @@ impl RunResult {
 
     /// The first, the middle and the last frame as a picture.
     fn _repr_html_(&self, py: Python<'_>) -> PyResult<String> {
-        let numbers = self.numbers(py)?;
         let n = self.scene.nodes.len();
-        let Some(last) = numbers.times.len().checked_sub(1) else {
+        let (times, positions) = (self.t.bind(py).readonly(), self.x.bind(py).readonly());
+        let times = times.as_slice().map_err(changed)?;
+        let (rows, _) = positions.as_slice().map_err(changed)?.as_chunks::<3>();
+        let Some(last) = times.len().checked_sub(1) else {
             return Ok(String::new());
         };
         let mut shown = vec![0, last / 2, last];
         shown.dedup();
         let panel = |index: usize| Panel {
-            time: numbers.times[index],
-            positions: numbers.positions[index * n..(index + 1) * n].to_vec(),
+            time: times[index],
+            positions: rows[index * n..(index + 1) * n]
+                .iter()
+                .map(|row| Vector3::from(*row))
+                .collect(),
             broken: Vec::new(),
         };
         let panels: Vec<Panel> = shown.into_iter().map(panel).collect();

@@ -7,19 +7,22 @@ use crate::errors::Fault;
 use crate::result::{Run, RunResult};
 use crate::simulation::PySimulation;
 use crate::springs_of::{Given, Made, damp, make};
+use crate::start::scene_at;
 use crate::statics::{PyEquilibrium, settled, started};
 use crate::study::{self, PyStudy};
+use crate::sweep;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
-use pyo3::types::PyTuple;
+use pyo3::types::{PyDict, PyTuple};
 use springs::inspect::{Check, CheckError};
 use springs::io::{Inputs, parse_scene_with_inputs, read_text, scene_to_string, write_scene};
 use springs::scene::{
-    Guide, Load, NamedMotion, Node, OverTime, PrescribedMotion, Rayleigh, RunOptions, Scene, Start,
+    Guide, Load, NamedMotion, Node, OverTime, PrescribedMotion, Rayleigh, RunOptions, Scene,
     StepControl, Vector3,
 };
 use springs::sinks::default_intervals;
 use springs::step::NodeStates;
+use springs::sweep::Subject;
 use std::path::PathBuf;
 
 /// Point masses joined by springs, in SI units.
@@ -28,9 +31,8 @@ use std::path::PathBuf;
 pub(crate) struct PyScene {
     scene: Scene,
     options: RunOptions,
+    /// Damping ratios wait here until nodes have all their masses.
     inputs: Inputs,
-    /// Springs whose damping waits until nodes have all their masses.
-    ratios: Vec<(usize, f64)>,
 }
 
 /// How a scene is to be run, in place of what it says itself.
@@ -51,7 +53,7 @@ impl PyScene {
         if let Some(problem) = scene.problems().first() {
             return Err(Fault::from(problem).into());
         }
-        damp(&mut scene, &self.ratios)?;
+        damp(&mut scene, &self.inputs.damping_ratios)?;
         Ok(scene)
     }
 
@@ -81,40 +83,17 @@ impl PyScene {
         Ok((scene, options))
     }
 
+    fn subject(&self) -> PyResult<Subject> {
+        Ok(Subject {
+            scene: self.build()?,
+            options: self.options,
+            inputs: self.inputs.clone(),
+        })
+    }
+
     fn indices<'py>(py: Python<'py>, from: usize, to: usize) -> Bound<'py, PyArray1<i64>> {
         array1(py, (from as i64..to as i64).collect())
     }
-}
-
-/// Puts the nodes where `start` has them: its `x` (n, 3), or the last of (f, n, 3), and its
-/// `v` if it has one.
-fn start_from(mut scene: Scene, start: &Bound<'_, PyAny>) -> PyResult<Scene> {
-    let n = scene.nodes.len();
-    let last = |what: &'static str| -> PyResult<Option<Vec<Vector3<f64>>>> {
-        let Some(array) = start.getattr_opt(what)?.filter(|array| !array.is_none()) else {
-            return Ok(None);
-        };
-        let floats = Floats::new(what, &array)?;
-        match floats.shape() {
-            [frames, _, _] if *frames > 0 => {
-                Floats::new(what, &array.get_item(*frames - 1)?)?.n_vectors(n)
-            }
-            _ => floats.n_vectors(n),
-        }
-        .map(Some)
-    };
-    let Some(positions) = last("x")? else {
-        let message = "start must have positions x, such as the result of a run";
-        return Err(Fault::scene(message).into());
-    };
-    let velocities = last("v")?.unwrap_or_else(|| vec![Vector3::zeros(); n]);
-    let nodes = NodeStates {
-        positions,
-        velocities,
-    };
-    nodes.write_to(&mut scene);
-    scene.settings.start = Start::AsGiven;
-    Ok(scene)
 }
 
 /// Which of x, y, z are named; all of them if nothing is.
@@ -128,19 +107,6 @@ fn axes_of(axes: Option<&str>) -> PyResult<[bool; 3]> {
         return Err(Fault::scene("axes must be some of x, y and z, such as \"yz\"").into());
     }
     Ok(held)
-}
-
-/// The scene as it starts: from what has x, or as it says itself.
-fn scene_at(
-    py: Python<'_>,
-    scene: Scene,
-    start: Option<&Bound<'_, PyAny>>,
-    options: &RunOptions,
-) -> PyResult<Scene> {
-    match start {
-        Some(start) => start_from(scene, start),
-        None => started(py, scene, options),
-    }
 }
 
 #[pymethods]
@@ -257,7 +223,7 @@ impl PyScene {
         springs.iter_mut().for_each(|spring| spring.law = law);
         let first = self.scene.springs.len();
         self.scene.springs.append(&mut springs);
-        self.ratios.extend(ratios);
+        self.inputs.damping_ratios.extend(ratios);
         Ok(Self::indices(py, first, self.scene.springs.len()))
     }
 
@@ -348,6 +314,31 @@ impl PyScene {
         Ok(())
     }
 
+    /// The same scene with how it is run as its own settings: the arguments of `run`.
+    #[pyo3(signature = (*, duration=None, tolerance=None, step=None, method=None, tangent=None))]
+    fn with_settings(
+        &self,
+        duration: Option<f64>,
+        tolerance: Option<f64>,
+        step: Option<f64>,
+        method: Option<&str>,
+        tangent: Option<&str>,
+    ) -> PyResult<Self> {
+        let (scene, options) = self.changed(&Changes {
+            duration,
+            tolerance,
+            step,
+            method,
+            tangent,
+            threads: None,
+        })?;
+        Ok(Self {
+            scene,
+            options,
+            inputs: self.inputs.clone(),
+        })
+    }
+
     /// What is in the scene, what a run leaves out, and what looks wrong; runs nothing.
     fn check(&self, py: Python<'_>) -> PyResult<PyCheck> {
         let (scene, options) = self.changed(&Changes::default())?;
@@ -368,8 +359,8 @@ impl PyScene {
         settled(py, &scene, &options)
     }
 
-    /// Simulates `duration` s from `start` (anything with x and perhaps v, such as
-    /// an equilibrium or a result; else the scene itself), with an error of `tolerance` m or steps of `step` s,
+    /// Simulates `duration` s from `start` (anything with x and perhaps v, broken and
+    /// yielded, such as an equilibrium or a result; else the scene itself), with an error of `tolerance` m or steps of `step` s,
     /// and shows `frames` + 1 frames (else 60 a second). `progress` is True for a bar, or a
     /// function of a number from 0 to 1.
     ///
@@ -447,6 +438,27 @@ impl PyScene {
         })?;
         let scene = started(py, scene, &options)?;
         study::make(py, &scene, study::options(budget, options)?, &progress)
+    }
+
+    /// The same scene with other numbers, by name, such as `{"EA": 1e5, "loads": 2.0}`:
+    /// the names of `springs sweep --set`.
+    fn changed_by(&self, settings: &Bound<'_, PyDict>) -> PyResult<Self> {
+        let Subject {
+            scene,
+            options,
+            inputs,
+        } = sweep::changed(self.subject()?, settings)?;
+        Ok(Self {
+            scene,
+            options,
+            inputs,
+        })
+    }
+
+    /// Runs the scene on one thread, and returns these numbers of the run by name, such as
+    /// "max(tension)": those of `springs sweep --measure`.
+    fn measure(&self, py: Python<'_>, names: Vec<String>) -> PyResult<Vec<f64>> {
+        sweep::measured(py, self.subject()?, &names)
     }
 
     /// Writes a scene file, which reads back to the same bits.
@@ -530,7 +542,6 @@ fn parse(file: &str, text: &str) -> PyResult<PyScene> {
         scene,
         options,
         inputs,
-        ratios: Vec::new(),
     })
 }
 

@@ -7,11 +7,13 @@ use crate::record::{ENERGIES, row_of};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyTuple};
-use springs::io::{FrameEnergies, parse_scene, scene_to_string};
-use springs::report::energy_sum;
-use springs::scene::{Load, OverTime, RunOptions, Scene, Spring, StepControl, Vector3};
+use serde::{Deserialize, Serialize};
+use springs::io::{Checkpoint, parse_scene, scene_to_string};
+use springs::report::frame_energies;
+use springs::scene::{RunOptions, Scene, Spring, StepControl};
 use springs::solver::Interrupt;
-use springs::step::{Cause, Simulation, StepError};
+use springs::step::{Cause, ChangeError, Simulation, StepError};
+use std::fmt::Display;
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
@@ -25,40 +27,21 @@ const MOST_STEPS: f64 = (1_u64 << 40) as f64;
 /// So far may a time be from a whole number of steps, as a part of it.
 const WHOLE: f64 = 1e-9;
 
-/// What was before the scene was changed for the last time. Energies in J.
-#[derive(Clone, Copy, Debug, Default)]
-struct Before {
-    steps: u64,
-    /// Energy at the start.
-    start: f64,
-    control_work: f64,
-    anchor_work: f64,
-    load_work: f64,
-    heat: f64,
-    broken_energy: f64,
-}
-
-impl Before {
-    fn reals(&mut self) -> [&mut f64; 6] {
-        [
-            &mut self.start,
-            &mut self.control_work,
-            &mut self.anchor_work,
-            &mut self.load_work,
-            &mut self.heat,
-            &mut self.broken_energy,
-        ]
-    }
+/// What a saved simulation says beside its state.
+#[derive(Serialize, Deserialize)]
+struct About {
+    springs_version: String,
+    /// The scene as it was at the start, as a scene file.
+    scene: String,
+    skip: bool,
+    threads: usize,
 }
 
 /// A simulation in steps of one size.
 #[pyclass(module = "springs", name = "Simulation")]
 pub(crate) struct PySimulation {
-    /// As it was when it was changed for the last time.
+    /// As it was at the start.
     scene: Scene,
-    /// Loads of the scene that are no forces of somebody's own.
-    n_loads: usize,
-    before: Before,
     options: RunOptions,
     step: f64,
     /// Never locked: it only lets other threads have the object.
@@ -75,13 +58,10 @@ impl PySimulation {
         };
         scene.settings.duration = MOST_STEPS * step;
         let shared = Shared::default();
-        let simulation = compile(py, &scene, &options, &shared)?;
+        let simulation = py.detach(|| Simulation::changeable(&scene, &options));
+        let mut simulation = simulation.map_err(|error| Fault::from(&error))?;
+        simulation.set_interrupt(&Interrupt::from(shared.is_stopped.clone()));
         Ok(Self {
-            n_loads: scene.loads.len(),
-            before: Before {
-                start: simulation.ledger().start.total(),
-                ..Before::default()
-            },
             scene,
             options,
             step,
@@ -96,54 +76,15 @@ impl PySimulation {
         simulation.unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Goes on with a changed scene from where it is. What that does to the energy is
-    /// work of whoever changes it. Nothing changes if that scene is wrong.
-    fn change(&mut self, py: Python<'_>, change: impl FnOnce(&mut Scene)) -> PyResult<()> {
-        let mut scene = self.scene.clone();
-        change(&mut scene);
-        if scene == self.scene {
-            return Ok(());
-        }
-        let simulation = self.simulation();
-        scene.shift_time(simulation.stepper().time());
-        simulation.nodes().write_to(&mut scene);
-        simulation.write_memory_to(&mut scene, |spring| spring);
-        let next = compile(py, &scene, &self.options, &self.shared)?;
-        let simulation = self.simulation();
-        let (ledger, steps) = (simulation.ledger(), simulation.stepper().steps());
-        let control_work = next.ledger().start.total() - simulation.energy().total();
-        let before = &mut self.before;
-        before.steps += steps;
-        before.control_work += control_work;
-        before.anchor_work += ledger.anchor_work;
-        before.load_work += ledger.load_work;
-        before.heat += ledger.heat.sum();
-        before.broken_energy += ledger.broken_energy;
-        self.simulation = Mutex::new(next);
-        self.scene = scene;
-        Ok(())
-    }
-
-    /// Sets a number of each spring.
-    fn set_springs(
-        &mut self,
-        value: &Bound<'_, PyAny>,
-        what: &'static str,
-        field: fn(&mut Spring) -> &mut f64,
-    ) -> PyResult<()> {
-        let numbers = Floats::new(what, value)?.each(self.scene.springs.len())?;
-        self.change(value.py(), |scene| {
-            let springs = scene.springs.iter_mut().zip(numbers);
-            springs.for_each(|(spring, number)| *field(spring) = number);
-        })
-    }
-
+    /// A number of each spring now.
     fn of_springs<'py>(
-        &self,
+        &mut self,
         py: Python<'py>,
         field: fn(&Spring) -> f64,
     ) -> Bound<'py, PyArray1<f64>> {
-        array1(py, self.scene.springs.iter().map(field).collect())
+        let scene = self.simulation().changed_scene();
+        let springs = scene.map_or(&[][..], |scene| &scene.springs);
+        array1(py, springs.iter().map(field).collect())
     }
 
     /// The whole number of steps that a time is.
@@ -175,102 +116,49 @@ impl PySimulation {
     }
 
     /// What [`Self::of_state`] reads.
-    fn state(&mut self) -> Vec<u8> {
-        let text = scene_to_string(&self.scene, &self.options);
-        let words = self.simulation().save();
-        let mut before = self.before;
-        let mut numbers = vec![
-            text.len() as u64,
-            u64::from(self.options.skip),
-            self.options.threads as u64,
-            self.n_loads as u64,
-            before.steps,
-        ];
-        numbers.extend(before.reals().map(|real| real.to_bits()));
-        let mut bytes =
-            Vec::with_capacity(MAGIC.len() + 8 * (numbers.len() + words.len()) + text.len());
-        bytes.extend(MAGIC);
-        bytes.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
-        bytes.extend(text.as_bytes());
-        bytes.extend(words.iter().flat_map(|word| word.to_le_bytes()));
-        bytes
+    fn state(&mut self) -> PyResult<Vec<u8>> {
+        let about = About {
+            springs_version: env!("CARGO_PKG_VERSION").to_owned(),
+            scene: scene_to_string(&self.scene, &self.options),
+            skip: self.options.skip,
+            threads: self.options.threads,
+        };
+        let checkpoint = Checkpoint {
+            about: serde_json::to_string(&about).map_err(Fault::system)?,
+            words: self.simulation().save(),
+        };
+        Ok(checkpoint.to_bytes())
     }
 
     fn of_state(py: Python<'_>, bytes: &[u8]) -> PyResult<Self> {
-        let state = SavedState::read(bytes).ok_or_else(damaged)?;
-        let parsed = parse_scene("a saved simulation", state.text);
+        let foreign = |why: &dyn Display| Fault::scene(format!("the saved simulation {why}"));
+        let read = Checkpoint::from_bytes(bytes);
+        let Checkpoint { about, words } = read.map_err(|fault| foreign(&fault))?;
+        let about: About = serde_json::from_str(&about)
+            .map_err(|error| foreign(&format!("does not say what it is: {error}")))?;
+        let (version, found) = (env!("CARGO_PKG_VERSION"), &about.springs_version);
+        if found != version {
+            let why = format!("is of springs {found}, and this is {version}");
+            return Err(foreign(&why).into());
+        }
+        let parsed = parse_scene("a saved simulation", &about.scene);
         let (scene, mut options) = parsed.map_err(|error| Fault::from(&error))?;
-        options.skip = state.skip;
-        options.threads = state.threads;
+        options.skip = about.skip;
+        options.threads = about.threads;
         let mut simulation = Self::new(py, scene, options)?;
-        simulation.before = state.before;
-        simulation.n_loads = state.n_loads;
-        let restored = simulation.simulation().restore(state.words);
-        restored.map_err(|_| damaged())?;
+        let restored = simulation.simulation().restore(words);
+        restored.map_err(|_| foreign(&"does not fit its scene"))?;
         Ok(simulation)
     }
 }
 
-/// How every saved simulation begins.
-const MAGIC: &[u8] = b"springs simulation 1\n";
-
-/// Compiles a scene; the simulation stops when it is asked to.
-fn compile(
-    py: Python<'_>,
-    scene: &Scene,
-    options: &RunOptions,
-    shared: &Shared,
-) -> PyResult<Simulation> {
-    let simulation = py.detach(|| Simulation::with_options(scene, options));
-    let mut simulation = simulation.map_err(|error| Fault::from(&error))?;
-    simulation.set_interrupt(&Interrupt::from(shared.is_stopped.clone()));
-    Ok(simulation)
-}
-
-struct SavedState<'a> {
-    skip: bool,
-    threads: usize,
-    n_loads: usize,
-    before: Before,
-    text: &'a str,
-    words: Vec<u64>,
-}
-
-impl<'a> SavedState<'a> {
-    fn read(bytes: &'a [u8]) -> Option<Self> {
-        let mut rest = bytes.strip_prefix(MAGIC)?;
-        let mut number = || {
-            let (number, after) = rest.split_first_chunk()?;
-            rest = after;
-            Some(u64::from_le_bytes(*number))
-        };
-        let length = usize::try_from(number()?).ok()?;
-        let skip = number()? == 1;
-        let threads = usize::try_from(number()?).ok()?;
-        let n_loads = usize::try_from(number()?).ok()?;
-        let mut before = Before {
-            steps: number()?,
-            ..Before::default()
-        };
-        for real in before.reals() {
-            *real = f64::from_bits(number()?);
-        }
-        let (text, words) = rest.split_at_checked(length)?;
-        let (words, rest) = words.as_chunks();
-        rest.is_empty().then_some(())?;
-        Some(Self {
-            skip,
-            threads,
-            n_loads,
-            before,
-            text: std::str::from_utf8(text).ok()?,
-            words: words.iter().map(|word| u64::from_le_bytes(*word)).collect(),
-        })
-    }
-}
-
-fn damaged() -> Fault {
-    Fault::scene("this is no saved simulation, or one of another version")
+/// What a change comes to.
+fn made(change: Result<(), ChangeError>) -> PyResult<()> {
+    change.map_err(|error| match error {
+        ChangeError::Problem(problem) => Fault::from(&problem).into(),
+        ChangeError::NotFixed { node } => Fault::scene(error.to_string()).at_node(node).into(),
+        _ => Fault::scene(error.to_string()).into(),
+    })
 }
 
 /// Makes steps, and looks at signals in between.
@@ -295,8 +183,7 @@ impl PySimulation {
     /// Simulated time, in s.
     #[getter]
     fn time(&mut self) -> f64 {
-        let steps = self.before.steps + self.simulation().stepper().steps();
-        steps as f64 * self.step
+        self.simulation().stepper().steps() as f64 * self.step
     }
 
     /// Positions now, in m: (n, 3), not to be written to.
@@ -315,83 +202,88 @@ impl PySimulation {
     /// that of changes of rest lengths and stiffnesses.
     #[getter]
     fn energy<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let before = self.before;
-        let simulation = self.simulation();
-        let (energy, ledger) = (energy_sum(&simulation.energy()), simulation.ledger());
-        let anchor_work = before.anchor_work + ledger.anchor_work;
-        let load_work = before.load_work + ledger.load_work;
-        let heat = before.heat + ledger.heat.sum();
-        let broken_energy = before.broken_energy + ledger.broken_energy;
-        let taken = heat + broken_energy - anchor_work - load_work - before.control_work;
-        let numbers = row_of(&FrameEnergies {
-            time: 0.0,
-            energy,
-            anchor_work,
-            load_work,
-            dashpot_heat: heat,
-            broken_energy,
-            method_gain: energy.total - before.start + taken,
-        });
+        let account = self.simulation().account_now();
         let energies = PyDict::new(py);
+        let numbers = row_of(&frame_energies(&account));
         for (name, number) in ENERGIES.into_iter().zip(numbers) {
             energies.set_item(name, number)?;
         }
-        energies.set_item("control_work", before.control_work)?;
+        energies.set_item("control_work", account.ledger.control_work)?;
         Ok(energies)
     }
 
     /// Rest lengths of the springs, in m: (k,). They are set from a number or (k,), as
-    /// are stiffnesses; the scene is then compiled anew, and steps go on from where they
-    /// are.
+    /// are stiffnesses, and steps go on from where they are.
     #[getter]
-    fn rest_length<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+    fn rest_length<'py>(&mut self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         self.of_springs(py, |spring| spring.rest_length)
     }
 
     #[setter]
     fn set_rest_length(&mut self, value: &Bound<'_, PyAny>) -> PyResult<()> {
-        self.set_springs(value, "rest_length", |spring| &mut spring.rest_length)
+        let lengths = Floats::new("rest_length", value)?.each(self.scene.springs.len())?;
+        made(self.simulation().set_rest_lengths(&lengths))
     }
 
     /// Stiffnesses of the springs, in N/m: (k,).
     #[getter]
-    fn stiffness<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+    fn stiffness<'py>(&mut self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         self.of_springs(py, |spring| spring.stiffness)
     }
 
     #[setter]
     fn set_stiffness(&mut self, value: &Bound<'_, PyAny>) -> PyResult<()> {
-        self.set_springs(value, "stiffness", |spring| &mut spring.stiffness)
+        let stiffnesses = Floats::new("stiffness", value)?.each(self.scene.springs.len())?;
+        made(self.simulation().set_stiffnesses(&stiffnesses))
     }
 
     /// Forces on the nodes beside the loads of the scene, in N: (n, 3). They stay until
     /// others are set.
     #[getter]
-    fn force<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
-        let n = self.scene.nodes.len();
-        let mut forces = vec![Vector3::zeros(); n];
-        for load in &self.scene.loads[self.n_loads..] {
-            load.nodes
-                .iter()
-                .for_each(|&node| forces[node] += load.force);
-        }
-        array2(py, flat(&forces), 3, n)
+    fn force<'py>(&mut self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
+        let forces = self.simulation().set_forces_now();
+        array2(py, flat(forces), 3, forces.len())
     }
 
     #[setter]
     fn set_force(&mut self, value: &Bound<'_, PyAny>) -> PyResult<()> {
         let forces = Floats::new("force", value)?.n_vectors(self.scene.nodes.len())?;
-        let n_loads = self.n_loads;
-        self.change(value.py(), |scene| {
-            scene.loads.truncate(n_loads);
-            let forces = forces.into_iter().enumerate();
-            let forces = forces.filter(|(_, force)| *force != Vector3::zeros());
-            scene.loads.extend(forces.map(|(node, force)| Load {
-                nodes: vec![node],
-                force,
-                over_time: OverTime::Constant,
-            }));
-        })
+        made(self.simulation().set_forces(&forces))
+    }
+
+    /// Velocities of fixed nodes beside the motions that they follow, in m/s: (n, 3),
+    /// zero for free nodes. They go on from where they are.
+    #[getter]
+    fn anchor_velocity<'py>(&mut self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
+        let velocities = self.simulation().anchor_velocities();
+        array2(py, flat(velocities), 3, velocities.len())
+    }
+
+    #[setter]
+    fn set_anchor_velocity(&mut self, value: &Bound<'_, PyAny>) -> PyResult<()> {
+        let velocities =
+            Floats::new("anchor_velocity", value)?.n_vectors(self.scene.nodes.len())?;
+        self.states = None;
+        made(self.simulation().set_anchor_velocities(&velocities))
+    }
+
+    /// Which springs are broken: (k,).
+    #[getter]
+    fn broken<'py>(&mut self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
+        let mut broken = vec![false; self.scene.springs.len()];
+        let all = self.simulation().system().broken();
+        all.into_iter().for_each(|spring| broken[spring] = true);
+        array1(py, broken)
+    }
+
+    /// By how much springs have yielded, in m: (k,).
+    #[getter]
+    fn yielded<'py>(&mut self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        let mut yielded = vec![0.0; self.scene.springs.len()];
+        let all = self.simulation().system().yielded();
+        all.into_iter()
+            .for_each(|(spring, by)| yielded[spring] = by);
+        array1(py, yielded)
     }
 
     /// Makes as many steps as `dt` s are, which must be a whole number of them.
@@ -424,8 +316,8 @@ impl PySimulation {
     }
 
     /// Everything that the simulation has come to.
-    fn save<'py>(&mut self, py: Python<'py>) -> Bound<'py, PyBytes> {
-        PyBytes::new(py, &self.state())
+    fn save<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        Ok(PyBytes::new(py, &self.state()?))
     }
 
     /// Goes back to what was saved, and goes on from there with the same bits.
@@ -449,7 +341,7 @@ impl PySimulation {
     }
 
     fn __copy__(&mut self, py: Python<'_>) -> PyResult<Self> {
-        let state = self.state();
+        let state = self.state()?;
         Self::of_state(py, &state)
     }
 
@@ -459,7 +351,7 @@ impl PySimulation {
 
     fn __reduce__<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         let make = py.import("springs._springs")?.getattr("_simulation")?;
-        (make, (self.save(py),)).into_pyobject(py)
+        (make, (self.save(py)?,)).into_pyobject(py)
     }
 
     fn __repr__(&mut self) -> String {

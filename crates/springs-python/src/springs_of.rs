@@ -153,6 +153,11 @@ pub(crate) fn damp(scene: &mut Scene, ratios: &[(usize, f64)]) -> PyResult<()> {
     }
     let masses = scene.node_masses();
     for &(index, ratio) in ratios {
+        if !(ratio >= 0.0 && ratio.is_finite()) {
+            let what =
+                format!("the damping ratio of spring {index} must not be negative, but is {ratio}");
+            return Err(Fault::scene(what).at_spring(index).into());
+        }
         let damping = scene.damping_of_ratio(index, ratio, &masses);
         scene.springs[index].damping = damping.map_err(|none| {
             let fault = Fault::scene(none.to_string()).advised(Some(none.advice()));

@@ -58,30 +58,13 @@ impl Scene {
         }
         let mut held = vec![false; self.nodes.len()];
         for (index, spring) in self.springs.iter().enumerate() {
-            let path = |field| Path::Spring(index, Some(field));
             if problems.joins_two_nodes(index, spring.nodes, self.nodes.len()) {
                 let holds = spring.is_elastic() || spring.mass > 0.0;
                 for node in spring.nodes {
                     held[node] |= holds;
                 }
             }
-            problems.not_negative(path("stiffness"), spring.stiffness);
-            problems.not_negative(path("rest_length"), spring.rest_length);
-            problems.not_negative(path("mass"), spring.mass);
-            problems.not_negative(path("damping"), spring.damping);
-            if let Some(law) = spring.law {
-                problems.has_law(index, spring, law, &self.laws);
-            }
-            problems.all_finite(path("yielded"), &[spring.yielded]);
-            if spring.yielded != 0.0 && !self.can_yield(spring) {
-                problems.0.push(Problem::CannotYield {
-                    spring: index,
-                    elongation: spring.yielded,
-                });
-            }
-            if let Some(limit) = spring.breaks_at {
-                problems.breaks_at(index, spring, limit);
-            }
+            problems.spring(index, spring, &self.laws);
         }
         for (law, fault) in self.laws.iter().map(SpringLaw::fault).enumerate() {
             let problem = fault.map(|fault| Problem::Law { law, fault });
@@ -127,10 +110,15 @@ impl Scene {
         problems.0
     }
 
-    /// Whether the law of a spring yields; one that does not exist may.
-    fn can_yield(&self, spring: &Spring) -> bool {
-        let law = spring.law.map(|law| self.laws.get(law));
-        law.is_some_and(|law| law.is_none_or(|law| matches!(law, SpringLaw::Plastic { .. })))
+    /// The first thing that is wrong with numbers of springs, if anything is: what may
+    /// become wrong of a sound scene when only these change.
+    pub fn problem_of_springs(&self) -> Option<Problem> {
+        let mut problems = Problems(Vec::new());
+        let mut springs = self.springs.iter().enumerate();
+        springs.find_map(|(index, spring)| {
+            problems.spring(index, spring, &self.laws);
+            problems.0.drain(..).next()
+        })
     }
 
     /// The node with the largest coordinate.
@@ -218,6 +206,27 @@ impl Problems {
             });
         } else if !node.fixed {
             self.0.push(Problem::MovesFreely { node: index });
+        }
+    }
+
+    fn spring(&mut self, index: usize, spring: &Spring, laws: &[SpringLaw]) {
+        let path = |field| Path::Spring(index, Some(field));
+        self.not_negative(path("stiffness"), spring.stiffness);
+        self.not_negative(path("rest_length"), spring.rest_length);
+        self.not_negative(path("mass"), spring.mass);
+        self.not_negative(path("damping"), spring.damping);
+        if let Some(law) = spring.law {
+            self.has_law(index, spring, law, laws);
+        }
+        self.all_finite(path("yielded"), &[spring.yielded]);
+        if spring.yielded != 0.0 && !can_yield(spring, laws) {
+            self.0.push(Problem::CannotYield {
+                spring: index,
+                elongation: spring.yielded,
+            });
+        }
+        if let Some(limit) = spring.breaks_at {
+            self.breaks_at(index, spring, limit);
         }
     }
 
@@ -385,6 +394,12 @@ impl Problems {
         }
         true
     }
+}
+
+/// Whether the law of a spring yields; one that does not exist may.
+fn can_yield(spring: &Spring, laws: &[SpringLaw]) -> bool {
+    let law = spring.law.map(|law| laws.get(law));
+    law.is_some_and(|law| law.is_none_or(|law| matches!(law, SpringLaw::Plastic { .. })))
 }
 
 #[cfg(test)]

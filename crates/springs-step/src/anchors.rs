@@ -1,6 +1,6 @@
 //! Prescribed motion of fixed nodes.
 
-use crate::{Interval, NodeStates, State};
+use crate::{Archive, Interval, NodeStates, State};
 use nalgebra::Vector3;
 use springs_assembly::{Prescribed, System};
 use std::sync::Arc;
@@ -39,6 +39,15 @@ impl Anchors {
             }
         }
         anchors
+    }
+
+    /// What says how they move from where they are at a time: with a saved one they go on
+    /// as if they had not been made anew.
+    pub(crate) fn archive(&mut self, archive: &mut Archive) {
+        archive.vectors(&mut self.origins);
+        archive.vectors(&mut self.velocities);
+        archive.real(&mut self.since);
+        archive.flag(&mut self.any_moves);
     }
 
     /// Gives them their positions in m, and their velocities in m/s as far as these

@@ -16,6 +16,9 @@ pub struct Ledger {
     pub load_work: f64,
     /// What springs held that broke, and the work of yielding.
     pub broken_energy: f64,
+    /// Work of whoever [changed springs](crate::Simulation::set_rest_lengths) between
+    /// steps: what their energy changed by where they were.
+    pub control_work: f64,
 }
 
 impl Ledger {
@@ -27,6 +30,7 @@ impl Ledger {
             anchor_work: 0.0,
             load_work: 0.0,
             broken_energy: 0.0,
+            control_work: 0.0,
         }
     }
 
@@ -37,7 +41,7 @@ impl Ledger {
         self.load_work += flows.load_work;
     }
 
-    /// The flows; the start is that of the scene.
+    /// The flows of steps; the start is that of the scene.
     pub(crate) fn archive(&mut self, archive: &mut Archive) {
         self.heat.iter_mut().for_each(|heat| archive.real(heat));
         archive.real(&mut self.anchor_work);
@@ -53,6 +57,7 @@ impl Ledger {
             anchor_work: a.anchor_work + b.anchor_work,
             load_work: a.load_work + b.load_work,
             broken_energy: a.broken_energy + b.broken_energy,
+            control_work: a.control_work + b.control_work,
         })
     }
 
@@ -60,6 +65,6 @@ impl Ledger {
     /// if negative, the loss) of the method itself, in J.
     pub fn method_gain(&self, end: &Energy) -> f64 {
         let taken = self.heat.sum() - self.anchor_work - self.load_work + self.broken_energy;
-        end.total() - self.start.total() + taken
+        end.total() - self.start.total() + (taken - self.control_work)
     }
 }

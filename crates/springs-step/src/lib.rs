@@ -63,7 +63,7 @@ pub use run::observer::{Account, Frame, Observer, Outcome, Patience, Samples};
 pub use run::part::Part;
 pub use run::probes::Sample;
 pub use run::record::StepRecord;
-pub use run::simulation::{Simulation, Switch};
+pub use run::simulation::{ChangeError, Simulation, Switch};
 pub use run::stepper::Stepper;
 pub use state::{NodeStates, State};
 pub use threads::threads;

@@ -16,6 +16,7 @@ mod source;
 mod statics;
 mod study;
 mod summary;
+mod sweep;
 mod view;
 mod watcher;
 
@@ -51,6 +52,8 @@ enum Command {
     Check(check::CheckArguments),
     /// Measure run time against error for a scene, method by method.
     Study(study::StudyArguments),
+    /// Run a scene with many values of its numbers, on any number of machines.
+    Sweep(sweep::SweepArguments),
     /// Print a scene file: a chain, a cloth or a block.
     New(new::NewArguments),
     /// Print what makes a shell complete commands.
@@ -111,6 +114,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Modes(arguments) => modes::modes_command(&arguments),
         Command::Check(arguments) => check::check(&arguments),
         Command::Study(arguments) => study::study_command(&arguments),
+        Command::Sweep(arguments) => sweep::sweep(&arguments),
         Command::New(arguments) => new::new(&arguments),
         Command::Completions(arguments) => manual::completions(&arguments, Arguments::command()),
         Command::Man => manual::man(Arguments::command()),

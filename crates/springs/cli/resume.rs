@@ -7,7 +7,9 @@ use super::run::Run;
 use super::signals::Signals;
 use super::source::at_most_useful;
 use super::{Advised, Ending, Unwritten};
-use springs::io::{Checkpoint, CheckpointError, ContinueError, parse_scene, read_checkpoint};
+use springs::io::{
+    Checkpoint, CheckpointError, CheckpointFault, ContinueError, parse_scene, read_checkpoint,
+};
 use springs::report::TurnedOver;
 use springs::step::Islands;
 use std::path::{Path, PathBuf};
@@ -47,7 +49,10 @@ pub(crate) fn resume(arguments: &ResumeArguments) -> anyhow::Result<Ending> {
         .into());
     }
     let read = read_checkpoint(&path).map_err(|error| match error {
-        CheckpointError::OtherVersion { .. } => anyhow::Error::from(Advised {
+        CheckpointError::Unsound {
+            fault: CheckpointFault::OtherVersion { .. },
+            ..
+        } => anyhow::Error::from(Advised {
             message: error.to_string(),
             advice: Some(
                 "go on with the program that wrote it, or start the run again with \

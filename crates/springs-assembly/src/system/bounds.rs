@@ -8,20 +8,25 @@ impl System {
     /// from the [bounds](crate::Emitter::add_stiffness_bounds) of all emitters. Infinite if a
     /// massless node has a spring or a term has no bound, zero without any.
     pub fn frequency_bound(&self) -> f64 {
-        let bound = self.largest_per_mass(|sums| self.add_stiffness_bounds(sums));
-        (2.0 * bound).sqrt()
+        self.frequency_bounds[0]
     }
 
     /// As [`Self::frequency_bound`], over the nodes that have a mass; in rad/s.
     pub fn frequency_bound_of_massive_nodes(&self) -> f64 {
-        let bound = self.largest_per_mass(|sums| {
+        self.frequency_bounds[1]
+    }
+
+    /// Finds the bounds on frequencies, at the start and where springs changed.
+    pub(super) fn find_bounds(&mut self) {
+        let all = self.largest_per_mass(|sums| self.add_stiffness_bounds(sums));
+        let of_massive_nodes = self.largest_per_mass(|sums| {
             self.add_stiffness_bounds(sums);
             let of_masses = sums.iter_mut().zip(&self.masses);
             of_masses
                 .filter(|(_, mass)| **mass == 0.0)
                 .for_each(|(sum, _)| *sum = 0.0);
         });
-        (2.0 * bound).sqrt()
+        self.frequency_bounds = [all, of_massive_nodes].map(|bound| (2.0 * bound).sqrt());
     }
 
     /// A bound on the stiffness at every free block in any configuration, in N/m: half of

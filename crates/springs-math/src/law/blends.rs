@@ -135,6 +135,11 @@ impl LengthLaw for Bilinear {
         self.rest_length
     }
 
+    fn set_spring(&mut self, spring: Spring) {
+        self.stiffness = spring.stiffness;
+        self.rest_length = spring.rest_length;
+    }
+
     #[inline]
     fn is_convex(&self) -> bool {
         true
@@ -219,6 +224,11 @@ macro_rules! one_sided {
                 self.rest_length
             }
 
+            fn set_spring(&mut self, spring: Spring) {
+                self.stiffness = spring.stiffness;
+                self.rest_length = spring.rest_length;
+            }
+
             #[inline]
             fn is_convex(&self) -> bool {
                 true
@@ -291,6 +301,10 @@ impl LengthLaw for StrainLimit {
     #[inline]
     fn rest_length(&self) -> f64 {
         self.spring.rest_length
+    }
+
+    fn set_spring(&mut self, spring: Spring) {
+        self.spring = spring;
     }
 
     #[inline]

@@ -1,6 +1,6 @@
 //! Laws that end for good beyond a limit.
 
-use crate::spring::LengthLaw;
+use crate::spring::{LengthLaw, Spring};
 
 /// Where a spring breaks.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -77,6 +77,10 @@ impl<L: LengthLaw> LengthLaw for Breaking<L> {
 
     fn rest_length(&self) -> f64 {
         self.law.rest_length()
+    }
+
+    fn set_spring(&mut self, spring: Spring) {
+        self.law.set_spring(spring);
     }
 
     fn is_convex(&self) -> bool {

@@ -121,6 +121,10 @@ impl LengthLaw for Law {
         each_law!(self, law => law.rest_length())
     }
 
+    fn set_spring(&mut self, spring: Spring) {
+        each_law!(self, law => law.set_spring(spring));
+    }
+
     #[inline]
     fn is_convex(&self) -> bool {
         each_law!(self, law => law.is_convex())

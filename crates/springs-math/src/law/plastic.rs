@@ -1,6 +1,6 @@
 //! A law that yields.
 
-use crate::spring::LengthLaw;
+use crate::spring::{LengthLaw, Spring};
 
 /// Elastic and plastic with linear kinematic hardening: T = K(l − l₀ − p), where the
 /// elongation p that lasts changes as soon as |T − H p| would exceed Y, so that the stretched
@@ -73,6 +73,11 @@ impl LengthLaw for Plastic {
 
     fn rest_length(&self) -> f64 {
         self.rest_length
+    }
+
+    fn set_spring(&mut self, spring: Spring) {
+        self.stiffness = spring.stiffness;
+        self.rest_length = spring.rest_length;
     }
 
     fn is_convex(&self) -> bool {

@@ -1,6 +1,6 @@
 //! Laws that are powers of the strain.
 
-use crate::spring::LengthLaw;
+use crate::spring::{LengthLaw, Spring};
 use alloc::vec::Vec;
 use nalgebra::ComplexField;
 
@@ -70,6 +70,10 @@ impl LengthLaw for Polynomial {
         self.rest_length
     }
 
+    fn set_spring(&mut self, spring: Spring) {
+        self.rest_length = spring.rest_length;
+    }
+
     /// Whether no coefficient is negative and 2j·a₂ⱼ ≤ (2j − 1)·a₂ⱼ₋₁ for each j: then
     /// l₀ k, in pairs of terms ε²ʲ⁻²((2j − 1)a₂ⱼ₋₁ + 2j a₂ⱼ ε), is not negative for
     /// ε ≥ −1. A law that is convex otherwise is not recognized.
@@ -131,6 +135,11 @@ impl LengthLaw for Power {
     #[inline]
     fn rest_length(&self) -> f64 {
         self.rest_length
+    }
+
+    fn set_spring(&mut self, spring: Spring) {
+        self.stiffness = spring.stiffness;
+        self.rest_length = spring.rest_length;
     }
 
     #[inline]

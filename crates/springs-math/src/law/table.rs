@@ -1,7 +1,7 @@
 //! A law through points.
 
 use super::powers::strain;
-use crate::spring::LengthLaw;
+use crate::spring::{LengthLaw, Spring};
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 use core::fmt;
@@ -145,6 +145,10 @@ impl LengthLaw for Table {
     /// The length at which T is zero, in m, see [`Table::new`].
     fn rest_length(&self) -> f64 {
         self.rest_length * (1.0 + self.curve.rest_strain)
+    }
+
+    fn set_spring(&mut self, spring: Spring) {
+        self.rest_length = spring.rest_length;
     }
 
     fn is_convex(&self) -> bool {

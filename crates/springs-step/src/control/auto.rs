@@ -45,8 +45,9 @@ pub(crate) struct Auto {
 /// A method that may be chosen.
 struct Candidate {
     choice: Choice,
-    /// Longest step that is stable, in s; infinite for implicit methods.
-    longest_step: f64,
+    /// Longest step that is stable, times the fastest rate of the system; `None` for
+    /// implicit methods.
+    stable_angle: Option<f64>,
     /// Force evaluations of a step with an explicit method, 0 for an implicit
     /// one.
     evaluations: f64,
@@ -104,7 +105,6 @@ const MUCH: f64 = 2.5;
 impl Auto {
     /// The candidates for a scene.
     pub(crate) fn new(scene: &Scene, system: &System, choice: &Choice) -> Self {
-        let fastest = system.frequency_bound().max(system.damping_rate_bound());
         let costs = CostModel::without_fill(system);
         let candidate = |row: &Properties| {
             let evaluations = row.tried_evaluations?;
@@ -114,9 +114,7 @@ impl Auto {
                     method: row.method,
                     ..choice.clone()
                 },
-                longest_step: row
-                    .stable_angle
-                    .map_or(f64::INFINITY, |angle| angle / fastest),
+                stable_angle: row.stable_angle,
                 evaluations,
                 evaluation: costs.evaluation(row.node_cost),
                 idle: None,
@@ -239,7 +237,7 @@ impl Auto {
         }
         // What looks good at rest may be too long once it moves; explicit steps
         // are bounded anyway.
-        controller.change_method(if self.candidates[self.current].is_explicit() {
+        controller.begin_with(if self.candidates[self.current].is_explicit() {
             picked.step_size
         } else {
             picked.step_size.min(controller.step_size())

@@ -172,7 +172,7 @@ pub(crate) fn settle_equal_steps(
 
 /// A first step that is short for anything the scene can do; the controller
 /// lengthens it quickly.
-fn first_step(duration: f64, fastest: f64) -> f64 {
+pub(crate) fn first_step(duration: f64, fastest: f64) -> f64 {
     let resolving = 0.1 / fastest;
     (duration / 100.0).min(resolving.max(1e-6 * duration))
 }

@@ -60,8 +60,8 @@ impl Controller {
         archive.flag(&mut self.just_rejected);
     }
 
-    /// Goes on with another method and this step size, in s.
-    pub(crate) fn change_method(&mut self, step_size: f64) {
+    /// Goes on with this step size, in s, as with another method or changed forces.
+    pub(crate) fn begin_with(&mut self, step_size: f64) {
         self.step_size = step_size.min(self.duration);
         self.last_ratio = 1.0;
     }

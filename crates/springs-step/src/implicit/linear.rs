@@ -30,8 +30,6 @@ pub(crate) struct LinearSystem {
     /// state was loaded.
     counted: Option<Weights>,
     anchor_velocities: Vec<Vector3<f64>>,
-    /// Bound on the square of the angular frequency of nodes with a mass, in 1/s².
-    frequency_square: f64,
     /// The right-hand side and the residual of a solution that is refined.
     rhs: Vec<Vector3<f64>>,
     residual: Vec<Vector3<f64>>,
@@ -111,7 +109,6 @@ impl LinearSystem {
             weights: None,
             counted: None,
             anchor_velocities: system.initial_velocities()[system.n_free()..].to_vec(),
-            frequency_square: system.frequency_bound_of_massive_nodes().powi(2),
             rhs: Vec::new(),
             residual: Vec::new(),
             projected: Vec::new(),
@@ -382,7 +379,8 @@ impl LinearSystem {
         purpose: Purpose,
         work: &mut Work,
     ) -> Result<(), MethodError> {
-        let stiffness = at.weights.stiffness * self.frequency_square;
+        let frequency_square = system.frequency_bound_of_massive_nodes().powi(2);
+        let stiffness = at.weights.stiffness * frequency_square;
         let is_hidden = stiffness > at.weights.mass * WORTH_REFINING && stiffness.is_finite();
         let is_mended = purpose == Purpose::Correction && self.solver.strategy_state().is_iterative;
         if !is_hidden || is_mended {

@@ -29,7 +29,6 @@ pub(crate) struct Stage {
     start: State,
     trial: State,
     tensions: Vec<f64>,
-    frequency_bound: f64,
     /// Of springs with a free end, at the start of the stage, in m.
     largest_coordinate: f64,
     chord: Chord,
@@ -107,7 +106,6 @@ impl Stage {
             start: State::initial(system),
             trial: State::initial(system),
             tensions: vec![0.0; system.n_carried()],
-            frequency_bound: system.frequency_bound(),
             largest_coordinate: 0.0,
             chord: Chord::default(),
             first: f64::INFINITY,
@@ -526,7 +524,8 @@ impl Stage {
         let free = &state.v[..system.n_free()];
         let of_velocities = WANTED * spread(&state.v) + ULPS * largest(free).1;
         let c = problem.c;
-        let rate = (c * self.frequency_bound * self.frequency_bound).min(1.0 / c);
+        let fastest = system.frequency_bound();
+        let rate = (c * fastest * fastest).min(1.0 / c);
         of_velocities + ULPS * self.largest_coordinate * rate
     }
 

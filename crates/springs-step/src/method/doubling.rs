@@ -61,6 +61,11 @@ impl Method for Doubling {
         self.weighing.restart();
     }
 
+    fn forces_jumped(&mut self, system: &System) {
+        self.method.forces_jumped(system);
+        self.weighing.restart();
+    }
+
     fn step(
         &mut self,
         system: &System,

@@ -34,7 +34,7 @@ pub struct FilteredLeapfrog {
     next_tensions: Vec<f64>,
     /// Step size of the filter of the accelerations; zero before the start.
     filtered_for: f64,
-    /// Springs broke since the accelerations were computed.
+    /// Forces jumped since the accelerations were computed.
     is_stale: bool,
     /// Power, in W, of anchors against the filtered forces of springs.
     anchor_power: f64,
@@ -143,7 +143,7 @@ impl Method for FilteredLeapfrog {
         self.filtered_for = 0.0;
     }
 
-    fn springs_broke(&mut self, system: &System) {
+    fn forces_jumped(&mut self, system: &System) {
         system.clear_broken(&mut self.tensions);
         self.is_stale = true;
     }

@@ -61,7 +61,7 @@ impl Method for ImplicitEuler {
         self.tensions.forget();
     }
 
-    fn springs_broke(&mut self, system: &System) {
+    fn forces_jumped(&mut self, system: &System) {
         self.tensions.clear_broken(system);
     }
 

@@ -171,7 +171,7 @@ impl Method for LinearlyImplicitEuler {
         self.tensions_are_known = false;
     }
 
-    fn springs_broke(&mut self, system: &System) {
+    fn forces_jumped(&mut self, system: &System) {
         if !self.tensions.is_empty() {
             system.clear_broken(&mut self.tensions);
         }

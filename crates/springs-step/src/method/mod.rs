@@ -96,10 +96,16 @@ pub trait Method: Send {
     /// velocities alone.
     fn restart(&mut self);
 
-    /// Springs broke at the end of the last step that stands: forces there are stale, and
-    /// what is carried of broken springs is [zero](System::clear_broken).
-    fn springs_broke(&mut self, _system: &System) {
+    /// Forces jumped at the end of the last step that stands, since somebody changed them:
+    /// those known there are stale.
+    fn forces_jumped(&mut self, _system: &System) {
         self.restart();
+    }
+
+    /// The same where springs broke: what is carried of these is
+    /// [zero](System::clear_broken).
+    fn springs_broke(&mut self, system: &System) {
+        self.forces_jumped(system);
     }
 
     /// Advances the free blocks of `state` over `interval`, puts the fixed ones

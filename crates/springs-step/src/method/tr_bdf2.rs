@@ -68,7 +68,6 @@ pub struct TrBdf2 {
     is_started: bool,
     tensions: Tensions,
     goal: Option<Goal>,
-    frequency_bound: f64,
     /// z_v of the last step, in m/s, and w/T².
     errors: Vec<Vector3<f64>>,
     moved: Vec<Vector3<f64>>,
@@ -220,7 +219,6 @@ impl TrBdf2 {
             impulses: Impulses::new(system),
             flows: Flows::default(),
             goal: None,
-            frequency_bound: system.frequency_bound(),
         })
     }
 
@@ -289,7 +287,7 @@ impl TrBdf2 {
         }
         let (mut positions, mut velocities) = (last.positions, last.velocities);
         let tau = (SATURATION * K.abs() * last.step_size.powi(2) * last.left).cbrt();
-        if tau * self.frequency_bound > 1.0 {
+        if tau * system.frequency_bound() > 1.0 {
             let all = [&mut *of_positions, &mut *moved, &mut *of_velocities].map(|v| &mut v[..]);
             if !stage.damp_vibrations(system, state, damping(tau, 2), all, work) {
                 return None;
@@ -385,6 +383,7 @@ impl Method for TrBdf2 {
     fn springs_broke(&mut self, system: &System) {
         self.tensions.clear_broken(system);
         self.is_started = false;
+        self.response = Response::default();
         // Nodes without mass go where the others hold them now.
         if system.masses().contains(&0.0) {
             self.restart();

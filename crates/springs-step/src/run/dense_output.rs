@@ -14,9 +14,9 @@ pub(crate) enum DenseOutput {
     Polynomial {
         /// Order of the method.
         order: u32,
-        /// From this step size on, in s, it is a straight line; never if zero, as
-        /// where massless nodes leave the frequency without a bound.
-        straight_from: f64,
+        /// Whether it is a straight line where steps do not resolve the fastest
+        /// vibrations.
+        is_straight_if_coarse: bool,
     },
     /// By a step of the method to where the state is wanted, with an instance
     /// of its own so that the steps themselves are not disturbed.
@@ -47,11 +47,7 @@ impl DenseOutput {
         Ok(match method.order() {
             order if order < HIGH_ORDER => Self::Polynomial {
                 order,
-                straight_from: if choice.wants_equal_steps() {
-                    LONGEST_CURVE / system.frequency_bound()
-                } else {
-                    f64::INFINITY
-                },
+                is_straight_if_coarse: choice.wants_equal_steps(),
             },
             _ => Self::Substep {
                 method: choice.build(system)?,
@@ -93,10 +89,13 @@ impl DenseOutput {
         match self {
             Self::Polynomial {
                 order,
-                straight_from,
+                is_straight_if_coarse,
             } => {
                 let fraction = (time - interval.start) / (interval.end - interval.start);
-                let is_straight = *straight_from > 0.0 && interval.size >= *straight_from;
+                // Massless nodes leave the frequency without a bound.
+                let straight_from = LONGEST_CURVE / system.frequency_bound();
+                let is_straight =
+                    *is_straight_if_coarse && straight_from > 0.0 && interval.size >= straight_from;
                 let order = if is_straight { 1 } else { *order };
                 interpolate(order, before, after, interval.size, fraction, out);
                 anchors.place_nodes(system, time, out);

@@ -3,6 +3,7 @@
 mod accounts;
 mod archive;
 mod breaks;
+mod changes;
 mod events;
 mod members;
 mod running;
@@ -12,6 +13,8 @@ mod trials;
 mod watch;
 
 use self::breaks::Ahead;
+pub use self::changes::ChangeError;
+use self::changes::Controls;
 use crate::control::auto::{Auto, Picked};
 use crate::control::choose::{Start, start};
 use crate::control::controller::Schedule;
@@ -92,6 +95,8 @@ pub struct Simulation {
     breaks: Vec<Break>,
     /// Something is known to break soon.
     ahead: Option<Ahead>,
+    /// What may be changed between steps, as it is now; `None` if nothing may.
+    controls: Option<Box<Controls>>,
     /// Room for what a step may have to take back.
     words: Vec<u64>,
 }
@@ -159,7 +164,17 @@ impl Simulation {
         let compilation = Compilation {
             emitters,
             is_complete: !options.skip,
+            may_change: false,
         };
+        Self::compiled(scene, options, compilation)
+    }
+
+    /// With the method of the settings.
+    fn compiled(
+        scene: &Scene,
+        options: &RunOptions,
+        compilation: Compilation,
+    ) -> Result<Self, SetupError> {
         let system = compile_with(scene, compilation)?;
         let start = start(scene, (&scene.settings, options), &system)?;
         let dense_output = DenseOutput::of(&start.choice, &*start.method, &system)?;
@@ -188,7 +203,7 @@ impl Simulation {
         let start = Start::with_method(scene, options, &system, method(&system));
         let dense_output = DenseOutput::Polynomial {
             order: start.method.order(),
-            straight_from: f64::INFINITY,
+            is_straight_if_coarse: false,
         };
         Self::starting(scene, system, start, dense_output)
     }
@@ -240,6 +255,7 @@ impl Simulation {
             is_end_open: false,
             breaks: Vec::new(),
             ahead: None,
+            controls: None,
             words: Vec::new(),
         })
     }

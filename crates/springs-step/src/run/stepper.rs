@@ -6,6 +6,7 @@ use crate::{
     Anchors, Archive, Cause, ErrorEstimate, Flows, Interval, Method, NodeStates, SetupError, State,
     StepError, Suspect, Work,
 };
+use nalgebra::Vector3;
 use springs_assembly::{Compilation, MemoryUpdate, System, compile_with};
 use springs_scene::{self as scene, RunOptions, Scene, StepControl};
 use springs_solver::Interrupt;
@@ -138,6 +139,33 @@ impl Stepper {
     /// Scene, anchors and method apart.
     pub(crate) fn apart(&mut self) -> ((&System, &Anchors), &mut dyn Method) {
         ((&self.system, &self.anchors), &mut *self.method)
+    }
+
+    /// Changes the system between steps.
+    pub(crate) fn change(&mut self, change: impl FnOnce(&mut System)) {
+        change(&mut self.system);
+        self.method.forces_jumped(&self.system);
+    }
+
+    /// From now on fixed nodes move at these velocities, in m/s, by node, beside their
+    /// motions.
+    pub(crate) fn set_anchor_velocities(&mut self, velocities: &[Vector3<f64>]) {
+        let numbering = self.system.numbering();
+        for block in self.system.n_free()..numbering.n_nodes() {
+            self.state.v[block] = velocities[numbering.node(block)];
+        }
+        for prescribed in &**self.system.prescribed() {
+            let moved = prescribed.at(self.state.time);
+            prescribed
+                .blocks()
+                .for_each(|block| self.state.v[block] += moved.velocity);
+        }
+        self.anchors = Anchors::new(&self.system, &self.state);
+        self.method.forces_jumped(&self.system);
+    }
+
+    pub(crate) fn archive_anchors(&mut self, archive: &mut Archive) {
+        self.anchors.archive(archive);
     }
 
     /// The method.

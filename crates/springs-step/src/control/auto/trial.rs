@@ -41,7 +41,7 @@ impl Auto {
         price: f64,
     ) -> bool {
         let left = controller.left();
-        let longest = self.longest_step(index, left);
+        let longest = self.longest_step(system, index, left);
         let candidate = &self.candidates[index];
         let is_built = candidate.idle.is_some();
         let attempt = if candidate.is_explicit() {
@@ -64,10 +64,14 @@ impl Auto {
         USUAL_ATTEMPTS * attempt < SHARE * price * left && self.ensure_built(system, index).is_ok()
     }
 
-    pub(super) fn longest_step(&self, index: usize, left: f64) -> f64 {
-        match self.candidates[index].longest_step {
-            f64::INFINITY => left / FEWEST_STEPS,
-            stable => stable.min(left),
+    pub(super) fn longest_step(&self, system: &System, index: usize, left: f64) -> f64 {
+        let stable = self.candidates[index].stable_angle.map(|angle| {
+            let fastest = system.frequency_bound().max(system.damping_rate_bound());
+            angle / fastest
+        });
+        match stable {
+            Some(stable) if stable < f64::INFINITY => stable.min(left),
+            _ => left / FEWEST_STEPS,
         }
     }
 
@@ -111,7 +115,7 @@ impl Auto {
         h: Option<f64>,
         trials: &mut Trials<'_>,
     ) -> Result<(Trial, f64), Abandoned> {
-        let longest = self.longest_step(index, controller.left());
+        let longest = self.longest_step(system, index, controller.left());
         let candidate = &mut self.candidates[index];
         let method = candidate.idle.as_mut().expect("it is built");
         let mut h = h.unwrap_or(longest).min(longest);

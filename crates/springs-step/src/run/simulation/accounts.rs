@@ -4,6 +4,11 @@ use super::{AT_THE_END, Simulation};
 use crate::{Account, Flows, Interval, Ledger, NodeStates, State};
 
 impl Simulation {
+    /// Energies now.
+    pub fn account_now(&self) -> Account {
+        self.account(self.stepper.time())
+    }
+
     /// Energies at the end of the last step, which `time` is.
     pub(super) fn account(&self, time: f64) -> Account {
         Account {

@@ -34,6 +34,7 @@ impl Simulation {
     /// Hands over everything that the run has come to; the scene and what
     /// follows from it alone are not among it.
     pub(crate) fn archive(&mut self, archive: &mut Archive) {
+        self.archive_controls(archive);
         self.archive_breaks(archive);
         if self.needs_trials && self.archive_settled(archive).is_none() {
             return archive.refuse();

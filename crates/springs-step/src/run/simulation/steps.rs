@@ -134,7 +134,7 @@ impl Simulation {
         if let Some(cause) = self.watch_energy(
             interval,
             counts,
-            ledger.anchor_work.abs() + ledger.load_work.abs(),
+            ledger.anchor_work.abs() + ledger.load_work.abs() + ledger.control_work.abs(),
         ) {
             let fastest = self.stepper.fastest_block();
             self.stepper.reject();

@@ -118,7 +118,7 @@ impl Simulation {
                 reason,
             });
             if let Schedule::Adaptive(controller) = &mut self.schedule {
-                controller.change_method(step_size);
+                controller.begin_with(step_size);
             }
         }
         Ok(())
