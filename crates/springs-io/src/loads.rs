@@ -1,10 +1,40 @@
-//! Loads of a scene file, and the groups of nodes that they act on.
+//! Loads in scene files, read and written, and the groups of nodes that they act on.
 
 use crate::csv_rows::read_rows;
 use crate::motions::vector;
 use crate::read::{Findings, find_named};
-use crate::scene_file::{List, LoadEntry, NodeIndex, NodesEntry, OverTimeEntry};
+use crate::scene_file::{List, NodeIndex, NodesEntry, Real, Tuple};
+use crate::write::{number, pairs, tuple};
+use serde::Deserialize;
 use springs_scene::{Load, OverTime, Path as ScenePath, printable};
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, rename = "Load")]
+pub(crate) struct LoadEntry {
+    pub(crate) nodes: NodesEntry,
+    pub(crate) force: Tuple<3, Real>,
+    #[serde(default)]
+    pub(crate) over_time: OverTimeEntry,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields, rename = "OverTime")]
+pub(crate) enum OverTimeEntry {
+    #[default]
+    Constant,
+    Ramp {
+        from: Real,
+        to: Real,
+    },
+    Sine {
+        frequency: Real,
+        #[serde(default)]
+        phase: Real,
+    },
+    Table(List<Tuple<2, Real>>),
+    /// Rows of time, factor in a file beside the scene.
+    Csv(String),
+}
 
 /// Groups of nodes by their names.
 pub(crate) struct Groups(Vec<(String, Vec<usize>)>);
@@ -93,4 +123,26 @@ pub(crate) fn load(
             }
         },
     }
+}
+
+/// The fields of a load in a scene file.
+pub(crate) fn load_text(load: &Load) -> String {
+    let nodes: Vec<String> = load.nodes.iter().map(usize::to_string).collect();
+    let over_time = match &load.over_time {
+        OverTime::Constant => String::new(),
+        OverTime::Ramp { from, to } => {
+            format!(
+                ", over_time: Ramp(from: {}, to: {})",
+                number(*from),
+                number(*to)
+            )
+        }
+        OverTime::Sine { frequency, phase } => {
+            let (frequency, phase) = (number(*frequency), number(*phase));
+            format!(", over_time: Sine(frequency: {frequency}, phase: {phase})")
+        }
+        OverTime::Table(points) => format!(", over_time: Table([{}])", pairs(points)),
+    };
+    let (nodes, force) = (nodes.join(", "), tuple(&load.force));
+    format!("nodes: [{nodes}], force: {force}{over_time}")
 }

@@ -1,10 +1,30 @@
-//! Motions of a scene file, and their tables in files beside it.
+//! Motions in scene files, read and written, and their tables in files beside these.
 
 use crate::csv_rows::read_rows;
 use crate::read::Findings;
-use crate::scene_file::{MotionEntry, Real, Tuple};
+use crate::scene_file::{List, Real, Tuple};
+use crate::write::{number, tuple};
 use nalgebra::Vector3;
+use serde::Deserialize;
 use springs_scene::{NamedMotion, Path as ScenePath, PrescribedMotion};
+
+/// `(time, (x, y, z))`.
+#[derive(Deserialize)]
+pub(crate) struct TimedPoint(pub(crate) Real, pub(crate) Tuple<3, Real>);
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, rename = "Motion")]
+pub(crate) enum MotionEntry {
+    Sine {
+        amplitude: Tuple<3, Real>,
+        frequency: Real,
+        #[serde(default)]
+        phase: Real,
+    },
+    Table(List<TimedPoint>),
+    /// Rows of time, x, y, z in a file beside the scene.
+    Csv(String),
+}
 
 /// The motions of a scene file of this name. Adds what is wrong to `findings`.
 pub(crate) fn motions(
@@ -47,4 +67,24 @@ pub(crate) fn motions(
 
 pub(crate) fn vector(entry: Tuple<3, Real>) -> Vector3<f64> {
     Vector3::from(entry.0.map(|real| real.0))
+}
+
+/// As it stands in a scene file.
+pub(crate) fn motion_text(motion: &PrescribedMotion) -> String {
+    match motion {
+        PrescribedMotion::Sine {
+            amplitude,
+            frequency,
+            phase,
+        } => {
+            let (frequency, phase) = (number(*frequency), number(*phase));
+            let amplitude = tuple(amplitude);
+            format!("Sine(amplitude: {amplitude}, frequency: {frequency}, phase: {phase})")
+        }
+        PrescribedMotion::Table(points) => {
+            let points = points.iter();
+            let points = points.map(|(time, at)| format!("({}, {})", number(*time), tuple(at)));
+            format!("Table([{}])", points.collect::<Vec<_>>().join(", "))
+        }
+    }
 }

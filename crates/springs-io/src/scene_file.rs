@@ -1,5 +1,7 @@
 //! Version 1 of the scene file, field by field.
 
+use crate::loads::LoadEntry;
+use crate::motions::MotionEntry;
 use crate::spring_file::{MaterialEntry, SpringEntry};
 use serde::Deserialize;
 use serde::de::{self, Deserializer, MapAccess, SeqAccess, Visitor};
@@ -64,34 +66,6 @@ pub(crate) struct ProbeEntry {
 }
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields, rename = "Load")]
-pub(crate) struct LoadEntry {
-    pub(crate) nodes: NodesEntry,
-    pub(crate) force: Tuple<3, Real>,
-    #[serde(default)]
-    pub(crate) over_time: OverTimeEntry,
-}
-
-#[derive(Default, Deserialize)]
-#[serde(deny_unknown_fields, rename = "OverTime")]
-pub(crate) enum OverTimeEntry {
-    #[default]
-    Constant,
-    Ramp {
-        from: Real,
-        to: Real,
-    },
-    Sine {
-        frequency: Real,
-        #[serde(default)]
-        phase: Real,
-    },
-    Table(List<Tuple<2, Real>>),
-    /// Rows of time, factor in a file beside the scene.
-    Csv(String),
-}
-
-#[derive(Deserialize)]
 #[serde(deny_unknown_fields, rename = "Node")]
 pub(crate) struct NodeEntry {
     pub(crate) position: Tuple<3, Real>,
@@ -113,24 +87,6 @@ pub(crate) struct DampingEntry {
     pub(crate) mass: Real,
     #[serde(default)]
     pub(crate) stiffness: Real,
-}
-
-/// `(time, (x, y, z))`.
-#[derive(Deserialize)]
-pub(crate) struct TimedPoint(pub(crate) Real, pub(crate) Tuple<3, Real>);
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields, rename = "Motion")]
-pub(crate) enum MotionEntry {
-    Sine {
-        amplitude: Tuple<3, Real>,
-        frequency: Real,
-        #[serde(default)]
-        phase: Real,
-    },
-    Table(List<TimedPoint>),
-    /// Rows of time, x, y, z in a file beside the scene.
-    Csv(String),
 }
 
 /// The axes along which a node is held: `true` for all, or some as in `"yz"`.

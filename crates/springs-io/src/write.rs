@@ -1,11 +1,13 @@
 //! From a scene to a scene file.
 
 use crate::atomic::{Draft, WriteError};
+use crate::loads::load_text;
+use crate::motions::motion_text;
 use crate::scene_file::VERSION;
 use nalgebra::Vector3;
 use springs_scene::{
-    BreakLimit, Guide, LinearTolerance, Load, Method, Output, OverTime, PrescribedMotion, Probe,
-    Rayleigh, RunOptions, Scene, SpringLaw, Start, StepControl,
+    BreakLimit, Guide, LinearTolerance, Method, Output, Probe, Rayleigh, RunOptions, Scene,
+    SpringLaw, Start, StepControl,
 };
 use std::fmt::Write as _;
 use std::io::{self, Write};
@@ -99,7 +101,7 @@ fn write_text(scene: &Scene, options: &RunOptions, text: &mut dyn Write) -> io::
     });
     write_list(text, "springs", springs)?;
     if !scene.loads.is_empty() {
-        write_list(text, "loads", scene.loads.iter().map(load))?;
+        write_list(text, "loads", scene.loads.iter().map(load_text))?;
     }
     if !scene.motions.is_empty() {
         writeln!(text, "    motions: {{")?;
@@ -234,50 +236,10 @@ fn law_text(law: &SpringLaw) -> String {
 }
 
 /// `(a, b), (c, d)`.
-fn pairs(points: &[[f64; 2]]) -> String {
+pub(crate) fn pairs(points: &[[f64; 2]]) -> String {
     let point = |[a, b]: &[f64; 2]| format!("({}, {})", number(*a), number(*b));
     let points: Vec<String> = points.iter().map(point).collect();
     points.join(", ")
-}
-
-fn motion_text(motion: &PrescribedMotion) -> String {
-    match motion {
-        PrescribedMotion::Sine {
-            amplitude,
-            frequency,
-            phase,
-        } => {
-            let (frequency, phase) = (number(*frequency), number(*phase));
-            let amplitude = tuple(amplitude);
-            format!("Sine(amplitude: {amplitude}, frequency: {frequency}, phase: {phase})")
-        }
-        PrescribedMotion::Table(points) => {
-            let points = points.iter();
-            let points = points.map(|(time, at)| format!("({}, {})", number(*time), tuple(at)));
-            format!("Table([{}])", points.collect::<Vec<_>>().join(", "))
-        }
-    }
-}
-
-fn load(load: &Load) -> String {
-    let nodes: Vec<String> = load.nodes.iter().map(usize::to_string).collect();
-    let over_time = match &load.over_time {
-        OverTime::Constant => String::new(),
-        OverTime::Ramp { from, to } => {
-            format!(
-                ", over_time: Ramp(from: {}, to: {})",
-                number(*from),
-                number(*to)
-            )
-        }
-        OverTime::Sine { frequency, phase } => {
-            let (frequency, phase) = (number(*frequency), number(*phase));
-            format!(", over_time: Sine(frequency: {frequency}, phase: {phase})")
-        }
-        OverTime::Table(points) => format!(", over_time: Table([{}])", pairs(points)),
-    };
-    let (nodes, force) = (nodes.join(", "), tuple(&load.force));
-    format!("nodes: [{nodes}], force: {force}{over_time}")
 }
 
 fn write_list(
@@ -303,13 +265,13 @@ fn is_left_out(vector: &Vector3<f64>) -> bool {
     vector.iter().all(|component| component.to_bits() == 0)
 }
 
-fn tuple(vector: &Vector3<f64>) -> String {
+pub(crate) fn tuple(vector: &Vector3<f64>) -> String {
     let [x, y, z] = [vector.x, vector.y, vector.z].map(number);
     format!("({x}, {y}, {z})")
 }
 
 /// The shortest text that reads back to the same bits.
-fn number(value: f64) -> String {
+pub(crate) fn number(value: f64) -> String {
     assert!(value.is_finite(), "scene files hold finite numbers only");
     format!("{value:?}")
 }

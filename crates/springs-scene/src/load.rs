@@ -75,6 +75,16 @@ impl OverTime {
         }
     }
 
+    /// All that it is made of.
+    pub(crate) fn numbers(&self) -> Vec<f64> {
+        match self {
+            Self::Constant => Vec::new(),
+            Self::Ramp { from, to } => vec![*from, *to],
+            Self::Sine { frequency, phase } => vec![*frequency, *phase],
+            Self::Table(points) => points.as_flattened().to_vec(),
+        }
+    }
+
     /// Times in s at which the rate jumps.
     pub fn kinks(&self) -> Vec<f64> {
         match self {

@@ -74,6 +74,23 @@ impl PrescribedMotion {
         }
     }
 
+    /// All that it is made of.
+    pub(crate) fn numbers(&self) -> Vec<f64> {
+        match self {
+            Self::Sine {
+                amplitude,
+                frequency,
+                phase,
+            } => vec![amplitude.x, amplitude.y, amplitude.z, *frequency, *phase],
+            Self::Table(points) => {
+                let points = points.iter();
+                points
+                    .flat_map(|(time, at)| [*time, at.x, at.y, at.z])
+                    .collect()
+            }
+        }
+    }
+
     /// Times in s at which the acceleration jumps.
     pub fn kinks(&self) -> Vec<f64> {
         match self {

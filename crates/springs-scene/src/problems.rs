@@ -2,8 +2,8 @@
 
 use crate::problem::SHORTEST_STEP;
 use crate::{
-    BreakLimit, Guide, Load, NamedMotion, Node, OverTime, Path, PrescribedMotion, Problem,
-    RunOptions, Scene, Spring, SpringLaw, StepControl,
+    BreakLimit, Guide, Load, NamedMotion, Node, OverTime, Path, Problem, RunOptions, Scene, Spring,
+    SpringLaw, StepControl,
 };
 use nalgebra::Vector3;
 
@@ -282,38 +282,23 @@ impl Problems {
         }
     }
 
-    fn motion(&mut self, index: usize, motion: &NamedMotion) {
-        let path = Path::Motion(index, None);
-        let name = || motion.name.clone();
-        match &motion.motion {
-            PrescribedMotion::Sine {
-                amplitude,
-                frequency,
-                phase,
-            } => {
-                self.all_finite(path, amplitude.as_slice());
-                self.all_finite(path, &[*frequency, *phase]);
-            }
-            PrescribedMotion::Table(points) => {
-                if points.is_empty() {
-                    self.0.push(Problem::EmptyMotion {
-                        motion: index,
-                        name: name(),
-                    });
-                }
-                for (time, at) in points.iter() {
-                    self.all_finite(path, &[*time, at.x, at.y, at.z]);
-                }
-                let falls = |pair: &&[(f64, _)]| pair[0].0 >= pair[1].0;
-                let found = points.windows(2).find(falls);
-                self.0.extend(found.map(|pair| Problem::MotionNotInOrder {
-                    motion: index,
-                    name: name(),
-                    before: pair[0].0,
-                    after: pair[1].0,
-                }));
-            }
+    fn motion(&mut self, index: usize, NamedMotion { name, motion }: &NamedMotion) {
+        let numbers = motion.numbers();
+        if numbers.is_empty() {
+            self.0.push(Problem::EmptyMotion {
+                motion: index,
+                name: name.clone(),
+            });
         }
+        self.all_finite(Path::Motion(index, None), &numbers);
+        let found = not_in_order(&motion.kinks());
+        self.0
+            .extend(found.map(|[before, after]| Problem::MotionNotInOrder {
+                motion: index,
+                name: name.clone(),
+                before,
+                after,
+            }));
     }
 
     fn load(&mut self, index: usize, load: &Load, n_nodes: usize) {
@@ -324,29 +309,18 @@ impl Problems {
             nodes: n_nodes,
         }));
         self.all_finite(Path::Load(index, Some("force")), load.force.as_slice());
+        if matches!(&load.over_time, OverTime::Table(points) if points.is_empty()) {
+            self.0.push(Problem::EmptyTable { load: index });
+        }
         let path = Path::Load(index, Some("over_time"));
-        let times: Vec<f64> = match &load.over_time {
-            OverTime::Constant => return,
-            OverTime::Sine { frequency, phase } => {
-                return self.all_finite(path, &[*frequency, *phase]);
-            }
-            OverTime::Ramp { from, to } => vec![*from, *to],
-            OverTime::Table(points) => {
-                if points.is_empty() {
-                    return self.0.push(Problem::EmptyTable { load: index });
-                }
-                self.all_finite(path, points.as_flattened());
-                points.iter().map(|[time, _]| *time).collect()
-            }
-        };
-        self.all_finite(path, &times);
-        let falls = |pair: &&[f64]| pair[0] >= pair[1];
-        let found = times.windows(2).find(falls);
-        self.0.extend(found.map(|pair| Problem::NotInOrder {
-            load: index,
-            before: pair[0],
-            after: pair[1],
-        }));
+        self.all_finite(path, &load.over_time.numbers());
+        let found = not_in_order(&load.over_time.kinks());
+        self.0
+            .extend(found.map(|[before, after]| Problem::NotInOrder {
+                load: index,
+                before,
+                after,
+            }));
     }
 
     /// Whether it is.
@@ -394,6 +368,12 @@ impl Problems {
         }
         true
     }
+}
+
+/// The first of some times that is not after the one before, and that one.
+fn not_in_order(times: &[f64]) -> Option<[f64; 2]> {
+    let pairs = times.windows(2).map(|pair| [pair[0], pair[1]]);
+    pairs.into_iter().find(|[before, after]| before >= after)
 }
 
 /// Whether the law of a spring yields; one that does not exist may.
