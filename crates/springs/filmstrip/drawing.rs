@@ -16,6 +16,10 @@ pub(super) const HEIGHT: f64 = 260.0;
 pub(super) const MARGIN: f64 = 16.0;
 const TITLE: f64 = 58.0;
 const FOOTER: f64 = 72.0;
+/// Room for the scale, in pixels.
+const SCALE: f64 = 140.0;
+/// In a shorter bar of colours there is no room for three labels, in pixels.
+const NARROW: f64 = 200.0;
 /// More springs than this in a panel cannot be told apart.
 const MOST_SPRINGS: usize = 20_000;
 
@@ -195,7 +199,8 @@ fn draw_axes(root: &Area<'_>, view: &View) -> Drawn {
 
 fn draw_legend(root: &Area<'_>, view: &View, strains: &Strains, width: f64) -> Drawn {
     let top = TITLE + HEIGHT + 22.0;
-    let (bar, cell) = (width.min(300.0) - 2.0 * MARGIN, 12.0);
+    // Beside the bar of colours stands that of the scale.
+    let (bar, cell) = ((width - 2.0 * MARGIN - SCALE).min(268.0), 12.0);
     // Only what occurs: a spring cannot lose more than its length, and a net
     // under tension has none in compression.
     let colours = strains.colours();
@@ -208,8 +213,12 @@ fn draw_legend(root: &Area<'_>, view: &View, strains: &Strains, width: f64) -> D
     let label =
         |x: f64, along: HPos, text: &str| write(root, text, [x, top + 28.0], (12.0, GREY), along);
     let [low, high] = strains.labels();
-    label(MARGIN, HPos::Left, &low)?;
-    label(MARGIN + 0.5 * bar, HPos::Center, "strain")?;
+    if bar < NARROW {
+        label(MARGIN, HPos::Left, &format!("strain {low}"))?;
+    } else {
+        label(MARGIN, HPos::Left, &low)?;
+        label(MARGIN + 0.5 * bar, HPos::Center, "strain")?;
+    }
     label(MARGIN + bar, HPos::Right, &high)?;
     let scale_bar = nice_below(80.0 / view.scale[0]);
     let pixels = scale_bar * view.scale[0];
