@@ -140,6 +140,27 @@ impl Response {
             && then.step_size <= LONGER * now.step_size
     }
 
+    /// √(‖w‖/‖z_v‖), in s.
+    fn time_scale(&self) -> f64 {
+        if self.velocities > 0.0 {
+            (self.moved / self.velocities).sqrt()
+        } else {
+            0.0
+        }
+    }
+
+    /// What a step with these errors adds to that of positions.
+    fn estimate(&self, errors: &LastErrors, block: usize) -> ErrorEstimate {
+        let velocities = self.velocities * errors.velocities;
+        let moved = self.moved * errors.velocities;
+        let positions = self.positions * errors.positions;
+        ErrorEstimate {
+            rate: positions.hypot((velocities * moved).sqrt()) / errors.step_size,
+            exponent: EXPONENT,
+            block,
+        }
+    }
+
     /// With a pause that says how well the one before did.
     fn after(self, before: &Self) -> Self {
         let is_same = |now: f64, then: f64| now <= SAME * then && then <= SAME * now;
@@ -478,32 +499,22 @@ impl Method for TrBdf2 {
         state: &State,
         work: &mut Work,
     ) -> Option<ErrorEstimate> {
-        let mut block = self.last.block;
         if self.response.serves(&self.last) {
-            self.response.pause -= 1;
-        } else {
-            let (response, largest_at) = self.find_response(system, state, work)?;
-            self.response = response.after(&self.response);
-            block = largest_at;
+            let estimate = self.response.estimate(&self.last, self.last.block);
+            // Nothing is refused for what was found of other steps.
+            let allowed = self
+                .goal
+                .map_or(0.0, |goal| goal.stage_rate / STAGE_ACCURACY);
+            if estimate.rate <= allowed {
+                self.response.pause -= 1;
+                self.time_scale = self.response.time_scale();
+                return Some(estimate);
+            }
         }
-        let LastErrors {
-            step_size,
-            positions,
-            velocities,
-            ..
-        } = self.last;
-        let response = &self.response;
-        let velocities_left = response.velocities * velocities;
-        let moved = response.moved * velocities;
-        if velocities_left > 0.0 {
-            self.time_scale = (moved / velocities_left).sqrt();
-        }
-        let positions_left = response.positions * positions;
-        Some(ErrorEstimate {
-            rate: positions_left.hypot((velocities_left * moved).sqrt()) / step_size,
-            exponent: EXPONENT,
-            block,
-        })
+        let (response, block) = self.find_response(system, state, work)?;
+        self.response = response.after(&self.response);
+        self.time_scale = self.response.time_scale();
+        Some(self.response.estimate(&self.last, block))
     }
 
     fn archive(&mut self, archive: &mut Archive) {
