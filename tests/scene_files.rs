@@ -9,6 +9,7 @@ use springs::scene::{
     Guide, Method, OverTime, Probe, ProbeQuantity, Probed, RunOptions, Scene, StepControl, Tangent,
     Vector3,
 };
+use springs::step::Simulation;
 
 fn bits(scene: &Scene) -> Vec<u64> {
     let nodes = scene.nodes.iter().flat_map(|node| {
@@ -258,4 +259,48 @@ Scene(
     assert_eq!(scene.springs[1].rest_length, 0.5);
     assert_eq!(scene.settings.step, StepControl::Fixed(0.01));
     assert_eq!(scene.settings.method, Method::LinearlyImplicitEuler);
+}
+
+/// A field is what gravity is, and the same wherever it points and however it changes.
+#[test]
+fn fields_act_on_masses() {
+    let scene = |fields: &str| {
+        let text = format!(
+            "Scene(version: 1, {fields}
+                nodes: [
+                    (position: (0, 0, 0), fixed: true),
+                    (position: (1, 0, 0), mass: 2, velocity: (0, 1, 0)),
+                    (position: (2, 0.5, 0), fixed: \"y\"),
+                ],
+                springs: [
+                    (nodes: (0, 1), stiffness: 300, mass: 0.5),
+                    (nodes: (1, 2), stiffness: 200, mass: 0.25),
+                ],
+                simulation: (method: Dop853, tolerance: 1e-11, duration: 1.5))"
+        );
+        parse_scene("fields.ron", &text).unwrap().0
+    };
+    let end = |scene: &Scene| {
+        let mut simulation = Simulation::new(scene).unwrap();
+        simulation.run(1, &mut ()).unwrap();
+        simulation.nodes().positions.clone()
+    };
+    let heavy = end(&scene("gravity: (0.5, 0, -9.81),"));
+    let pulled = end(&scene("fields: [(acceleration: (0.5, 0, -9.81))],"));
+    for (a, b) in heavy.iter().zip(&pulled) {
+        assert!((a - b).norm() < 1e-9, "{a} {b}");
+    }
+    // Half each, one of them over time.
+    let half = "fields: [(acceleration: (0.25, 0, -4.905)),
+        (acceleration: (0.25, 0, -4.905), over_time: Table([(0, 1), (9, 1)]))],";
+    for (a, b) in heavy.iter().zip(&end(&scene(half))) {
+        assert!((a - b).norm() < 1e-9, "{a} {b}");
+    }
+    let wrong = "Scene(version: 1, nodes: [(position: (0, 0, 0), mass: 1)],
+        fields: [(acceleration: (1, 0, 0), over_time: Ramp(from: 2, to: 1))])";
+    let error = parse_scene("wrong.ron", wrong).unwrap_err().to_string();
+    assert!(
+        error.contains("wrong.ron:2:") && error.contains("not in order"),
+        "{error}"
+    );
 }

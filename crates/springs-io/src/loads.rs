@@ -6,13 +6,22 @@ use crate::read::{Findings, find_named};
 use crate::scene_file::{List, NodeIndex, NodesEntry, Real, Tuple};
 use crate::write::{number, pairs, tuple};
 use serde::Deserialize;
-use springs_scene::{Load, OverTime, Path as ScenePath, printable};
+use springs_scene::{Load, OverTime, Path as ScenePath, Scene, Spring, printable};
+use std::collections::BTreeMap;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields, rename = "Load")]
 pub(crate) struct LoadEntry {
     pub(crate) nodes: NodesEntry,
     pub(crate) force: Tuple<3, Real>,
+    #[serde(default)]
+    pub(crate) over_time: OverTimeEntry,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, rename = "Field")]
+pub(crate) struct FieldEntry {
+    pub(crate) acceleration: Tuple<3, Real>,
     #[serde(default)]
     pub(crate) over_time: OverTimeEntry,
 }
@@ -98,30 +107,85 @@ pub(crate) fn load(
     Load {
         nodes: groups.nodes(entry.nodes, path, findings),
         force: vector(entry.force),
-        over_time: match entry.over_time {
-            OverTimeEntry::Constant => OverTime::Constant,
-            OverTimeEntry::Ramp { from, to } => OverTime::Ramp {
-                from: from.0,
-                to: to.0,
-            },
-            OverTimeEntry::Sine { frequency, phase } => OverTime::Sine {
-                frequency: frequency.0,
-                phase: phase.0,
-            },
-            OverTimeEntry::Table(points) => {
-                let points = points.0.iter().map(|point| point.0.map(|real| real.0));
-                OverTime::Table(points.collect())
-            }
-            OverTimeEntry::Csv(name) => {
-                let points = read_rows(file, &name).unwrap_or_else(|message| {
-                    let path = ScenePath::Load(index, Some("over_time"));
-                    let advice = "it needs rows of time, factor with a comma between them";
-                    findings.push(path, message, Some(advice));
-                    vec![[0.0, 0.0]]
-                });
-                OverTime::Table(points)
-            }
+        over_time: over_time(
+            entry.over_time,
+            ScenePath::Load(index, Some("over_time")),
+            file,
+            findings,
+        ),
+    }
+}
+
+fn over_time(
+    entry: OverTimeEntry,
+    path: ScenePath,
+    file: &str,
+    findings: &mut Findings<'_>,
+) -> OverTime {
+    match entry {
+        OverTimeEntry::Constant => OverTime::Constant,
+        OverTimeEntry::Ramp { from, to } => OverTime::Ramp {
+            from: from.0,
+            to: to.0,
         },
+        OverTimeEntry::Sine { frequency, phase } => OverTime::Sine {
+            frequency: frequency.0,
+            phase: phase.0,
+        },
+        OverTimeEntry::Table(points) => {
+            let points = points.0.iter().map(|point| point.0.map(|real| real.0));
+            OverTime::Table(points.collect())
+        }
+        OverTimeEntry::Csv(name) => {
+            let points = read_rows(file, &name).unwrap_or_else(|message| {
+                let advice = "it needs rows of time, factor with a comma between them";
+                findings.push(path, message, Some(advice));
+                vec![[0.0, 0.0]]
+            });
+            OverTime::Table(points)
+        }
+    }
+}
+
+/// Adds uniform fields as loads: m a on every node that may move, with half the masses of
+/// its springs. Adds what is wrong to `findings`.
+pub(crate) fn add_fields(
+    entries: Vec<FieldEntry>,
+    scene: &mut Scene,
+    file: &str,
+    findings: &mut Findings<'_>,
+) {
+    let path = ScenePath::Scene("fields");
+    let exists = |spring: &Spring| spring.nodes.iter().all(|&node| node < scene.nodes.len());
+    if entries.is_empty() || !scene.springs.iter().all(exists) {
+        return;
+    }
+    // One load for all nodes of one mass.
+    let mut of_mass: BTreeMap<u64, Vec<usize>> = BTreeMap::new();
+    for (index, (node, mass)) in scene.nodes.iter().zip(scene.node_masses()).enumerate() {
+        if !node.fixed && mass > 0.0 {
+            of_mass.entry(mass.to_bits()).or_default().push(index);
+        }
+    }
+    for entry in entries {
+        let acceleration = vector(entry.acceleration);
+        let over_time = over_time(entry.over_time, path, file, findings);
+        let times = over_time.kinks();
+        if let Some(pair) = times.windows(2).find(|pair| pair[0] >= pair[1]) {
+            let message = format!(
+                "the times of a field are not in order: {:?} stands before {:?}",
+                pair[0], pair[1]
+            );
+            findings.push(path, message, Some("each must be after the one before"));
+            continue;
+        }
+        for (mass, nodes) in &of_mass {
+            scene.loads.push(Load {
+                nodes: nodes.clone(),
+                force: acceleration * f64::from_bits(*mass),
+                over_time: over_time.clone(),
+            });
+        }
     }
 }
 

@@ -1,6 +1,6 @@
 //! From a scene file to a scene.
 
-use crate::loads::{Groups, load};
+use crate::loads::{Groups, add_fields, load};
 use crate::locate::{Place, locate, path_in_words};
 use crate::motions::{motions, vector};
 use crate::output::output;
@@ -388,6 +388,7 @@ fn scene(
         output,
     };
     damp(&resolved.inputs.damping_ratios, &mut scene, findings);
+    add_fields(file.fields.0, &mut scene, name, findings);
     let inputs = Inputs {
         groups: groups.into_named(),
         ..resolved.inputs

@@ -1,6 +1,6 @@
 //! Version 1 of the scene file, field by field.
 
-use crate::loads::LoadEntry;
+use crate::loads::{FieldEntry, LoadEntry};
 use crate::motions::MotionEntry;
 use crate::spring_file::{MaterialEntry, SpringEntry};
 use serde::Deserialize;
@@ -30,6 +30,8 @@ pub(crate) struct SceneFile {
     pub(crate) groups: ByName<List<NodeIndex>>,
     #[serde(default)]
     pub(crate) loads: List<LoadEntry>,
+    #[serde(default)]
+    pub(crate) fields: List<FieldEntry>,
     #[serde(default)]
     pub(crate) motions: ByName<MotionEntry>,
     #[serde(default)]
