@@ -296,9 +296,19 @@ fn fields_act_on_masses() {
     for (a, b) in heavy.iter().zip(&end(&scene(half))) {
         assert!((a - b).norm() < 1e-9, "{a} {b}");
     }
-    let wrong = "Scene(version: 1, nodes: [(position: (0, 0, 0), mass: 1)],
-        fields: [(acceleration: (1, 0, 0), over_time: Ramp(from: 2, to: 1))])";
-    let error = parse_scene("wrong.ron", wrong).unwrap_err().to_string();
+    let error = |over_time: &str| {
+        let wrong = format!(
+            "Scene(version: 1, nodes: [(position: (0, 0, 0), mass: 1)],
+            fields: [(acceleration: (1, 0, 0), over_time: {over_time})])"
+        );
+        parse_scene("wrong.ron", &wrong).unwrap_err().to_string()
+    };
+    let empty = error("Table([])");
+    assert!(
+        empty.contains("wrong.ron:2:") && empty.contains("no points"),
+        "{empty}"
+    );
+    let error = error("Ramp(from: 2, to: 1)");
     assert!(
         error.contains("wrong.ron:2:") && error.contains("not in order"),
         "{error}"

@@ -4,9 +4,10 @@ use crate::csv_rows::read_rows;
 use crate::motions::vector;
 use crate::read::{Findings, find_named};
 use crate::scene_file::{List, NodeIndex, NodesEntry, Real, Tuple};
+use crate::springs::masses_of;
 use crate::write::{number, pairs, tuple};
 use serde::Deserialize;
-use springs_scene::{Load, OverTime, Path as ScenePath, Scene, Spring, printable};
+use springs_scene::{Load, OverTime, Path as ScenePath, Scene, out_of_order, printable};
 use std::collections::BTreeMap;
 
 #[derive(Deserialize)]
@@ -156,13 +157,15 @@ pub(crate) fn add_fields(
     findings: &mut Findings<'_>,
 ) {
     let path = ScenePath::Scene("fields");
-    let exists = |spring: &Spring| spring.nodes.iter().all(|&node| node < scene.nodes.len());
-    if entries.is_empty() || !scene.springs.iter().all(exists) {
+    if entries.is_empty() {
         return;
     }
+    let Some(masses) = masses_of(scene) else {
+        return;
+    };
     // One load for all nodes of one mass.
     let mut of_mass: BTreeMap<u64, Vec<usize>> = BTreeMap::new();
-    for (index, (node, mass)) in scene.nodes.iter().zip(scene.node_masses()).enumerate() {
+    for (index, (node, mass)) in scene.nodes.iter().zip(masses).enumerate() {
         if !node.fixed && mass > 0.0 {
             of_mass.entry(mass.to_bits()).or_default().push(index);
         }
@@ -170,11 +173,15 @@ pub(crate) fn add_fields(
     for entry in entries {
         let acceleration = vector(entry.acceleration);
         let over_time = over_time(entry.over_time, path, file, findings);
-        let times = over_time.kinks();
-        if let Some(pair) = times.windows(2).find(|pair| pair[0] >= pair[1]) {
+        if matches!(&over_time, OverTime::Table(points) if points.is_empty()) {
+            let message = "the table of a field has no points".to_owned();
+            let advice = "give it a point (time, factor), or leave it out";
+            findings.push(path, message, Some(advice));
+            continue;
+        }
+        if let Some([before, after]) = out_of_order(&over_time.kinks()) {
             let message = format!(
-                "the times of a field are not in order: {:?} stands before {:?}",
-                pair[0], pair[1]
+                "the times of a field are not in order: {before:?} stands before {after:?}"
             );
             findings.push(path, message, Some("each must be after the one before"));
             continue;

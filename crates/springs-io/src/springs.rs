@@ -107,11 +107,12 @@ pub(crate) fn springs(
 
 /// Turns damping ratios of springs into dampings, now that nodes have all their masses.
 pub(crate) fn damp(ratios: &[(usize, f64)], scene: &mut Scene, findings: &mut Findings<'_>) {
-    let exists = |spring: &Spring| spring.nodes.iter().all(|&node| node < scene.nodes.len());
-    if ratios.is_empty() || !scene.springs.iter().all(exists) {
+    if ratios.is_empty() {
         return;
     }
-    let masses = scene.node_masses();
+    let Some(masses) = masses_of(scene) else {
+        return;
+    };
     for &(index, ratio) in ratios {
         match scene.damping_of_ratio(index, ratio, &masses) {
             Ok(damping) => scene.springs[index].damping = damping,
@@ -121,6 +122,14 @@ pub(crate) fn damp(ratios: &[(usize, f64)], scene: &mut Scene, findings: &mut Fi
             }
         }
     }
+}
+
+/// The masses of the nodes, in kg; `None` where springs join nodes that are not there, which
+/// is told elsewhere.
+pub(crate) fn masses_of(scene: &Scene) -> Option<Vec<f64>> {
+    let exists = |spring: &Spring| spring.nodes.iter().all(|&node| node < scene.nodes.len());
+    let all_exist = scene.springs.iter().all(exists);
+    all_exist.then(|| scene.node_masses())
 }
 
 /// Whose field it is.

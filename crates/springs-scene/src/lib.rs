@@ -45,6 +45,7 @@ pub use path::Path;
 pub use prescribed::{Displacement, PrescribedMotion};
 pub use pretension::{AxialStiffness, PretensionError, rest_length_under};
 pub use problem::Problem;
+pub use problems::out_of_order;
 pub use scene::{BreakLimit, Guide, NamedMotion, NoDampingRatio, Node, Rayleigh, Scene, Spring};
 pub use settings::{
     LinearTolerance, Method, RunOptions, Settings, Start, StepControl, Tangent, UnknownName,

@@ -291,7 +291,7 @@ impl Problems {
             });
         }
         self.all_finite(Path::Motion(index, None), &numbers);
-        let found = not_in_order(&motion.kinks());
+        let found = out_of_order(&motion.kinks());
         self.0
             .extend(found.map(|[before, after]| Problem::MotionNotInOrder {
                 motion: index,
@@ -314,7 +314,7 @@ impl Problems {
         }
         let path = Path::Load(index, Some("over_time"));
         self.all_finite(path, &load.over_time.numbers());
-        let found = not_in_order(&load.over_time.kinks());
+        let found = out_of_order(&load.over_time.kinks());
         self.0
             .extend(found.map(|[before, after]| Problem::NotInOrder {
                 load: index,
@@ -371,9 +371,9 @@ impl Problems {
 }
 
 /// The first of some times that is not after the one before, and that one.
-fn not_in_order(times: &[f64]) -> Option<[f64; 2]> {
-    let pairs = times.windows(2).map(|pair| [pair[0], pair[1]]);
-    pairs.into_iter().find(|[before, after]| before >= after)
+pub fn out_of_order(times: &[f64]) -> Option<[f64; 2]> {
+    let mut pairs = times.windows(2).map(|pair| [pair[0], pair[1]]);
+    pairs.find(|[before, after]| before >= after)
 }
 
 /// Whether the law of a spring yields; one that does not exist may.
