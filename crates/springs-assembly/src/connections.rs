@@ -2,18 +2,21 @@
 
 use crate::Numbering;
 use crate::matrix::{PairBlocks, add, times};
+use crate::run::{self, Run};
 use nalgebra::Vector3;
 use std::ops::Range;
 
-/// The connections of one batch in three runs, each in the order given:
-/// *interior* ones join two free nodes; *anchored* ones join a free node (the
-/// first end) to a fixed one; the rest join two fixed nodes and only have
-/// energy.
+/// The connections of one batch, sorted by kind: *interior* ones join two free nodes,
+/// the first before the second; *anchored* ones join a free node (the first end) to a
+/// fixed one; the rest join two fixed nodes and only have energy.
+///
+/// Interior ones that form [runs](Run) come first, in their order.
 #[derive(Clone, Debug)]
 pub(crate) struct Connections {
     ends: Vec<[u32; 2]>,
     /// Pair of the matrix of each interior connection.
     pairs: Vec<u32>,
+    runs: Vec<Run>,
     interior: usize,
     anchored: usize,
 }
@@ -35,6 +38,7 @@ impl Connections {
             interior: 0,
             anchored: 0,
             pairs: Vec::new(),
+            runs: Vec::new(),
             ends,
         }
     }
@@ -44,10 +48,8 @@ impl Connections {
     pub(crate) fn number(&mut self, numbering: &Numbering) -> Vec<usize> {
         for ends in &mut self.ends {
             *ends = ends.map(|node| numbering.block(node as usize) as u32);
-            // The free end is the first.
-            if numbering.is_fixed(ends[0]) {
-                ends.swap(0, 1);
-            }
+            // Free blocks come before fixed ones.
+            ends.sort_unstable();
         }
         let kind = |ends: &[u32; 2]| match ends.map(|block| numbering.is_fixed(block)) {
             [false, false] => Kind::Interior,
@@ -55,11 +57,26 @@ impl Connections {
             _ => Kind::Anchored,
         };
         let mut order: Vec<usize> = (0..self.ends.len()).collect();
-        order.sort_by_key(|&index| kind(&self.ends[index]));
-        self.ends = order.iter().map(|&index| self.ends[index]).collect();
-        let upto = |last: Kind| self.ends.partition_point(|ends| kind(ends) <= last);
+        order.sort_by_key(|&index| {
+            let ends = &self.ends[index];
+            (kind(ends), run::key(ends))
+        });
+        let upto = |last: Kind| order.partition_point(|&index| kind(&self.ends[index]) <= last);
         (self.interior, self.anchored) = (upto(Kind::Interior), upto(Kind::Anchored));
+        let interior = &mut order[..self.interior];
+        self.runs = run::bring_to_front(interior, &self.ends, numbering.n_free());
+        self.ends = order.iter().map(|&index| self.ends[index]).collect();
         order
+    }
+
+    /// Runs among the interior connections.
+    pub(crate) fn runs(&self) -> &[Run] {
+        &self.runs
+    }
+
+    /// Connections with a free end that are in no run.
+    pub(crate) fn outside_runs(&self) -> Range<usize> {
+        self.runs.last().map_or(0, |run| run.connections.end)..self.anchored
     }
 
     pub(crate) fn place(&mut self, pairs: &[u32]) {

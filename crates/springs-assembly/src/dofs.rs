@@ -1,6 +1,7 @@
 //! Degrees of freedom: which node is which block of the global vectors.
 
 use nalgebra::Vector3;
+use std::ops::Range;
 
 /// The order of the global vectors: free nodes first, then fixed ones, each in
 /// the order of the scene.
@@ -8,6 +9,8 @@ use nalgebra::Vector3;
 pub struct Numbering {
     node_of_block: Vec<u32>,
     block_of_node: Vec<u32>,
+    /// Blocks in order whose nodes follow one another, too: the first node of each.
+    stretches: Vec<(Range<usize>, usize)>,
     n_free: usize,
 }
 
@@ -25,9 +28,18 @@ impl Numbering {
         for (block, &node) in (0u32..).zip(&node_of_block) {
             block_of_node[node as usize] = block;
         }
+        let mut stretches: Vec<(Range<usize>, usize)> = Vec::new();
+        for (block, &node) in node_of_block.iter().enumerate() {
+            let node = node as usize;
+            match stretches.last_mut() {
+                Some((blocks, first)) if *first + blocks.len() == node => blocks.end += 1,
+                _ => stretches.push((block..block + 1, node)),
+            }
+        }
         Self {
             node_of_block,
             block_of_node,
+            stretches,
             n_free,
         }
     }
@@ -73,8 +85,9 @@ impl Numbering {
     pub fn gather(&self, nodes: &[Vector3<f64>], blocks: &mut [Vector3<f64>]) {
         assert_eq!(nodes.len(), self.n_nodes(), "one entry per node");
         assert_eq!(blocks.len(), self.n_nodes(), "one entry per node");
-        for (value, &node) in blocks.iter_mut().zip(&self.node_of_block) {
-            *value = nodes[node as usize];
+        for (range, first) in &self.stretches {
+            let nodes = &nodes[*first..first + range.len()];
+            blocks[range.clone()].copy_from_slice(nodes);
         }
     }
 
@@ -86,8 +99,9 @@ impl Numbering {
     pub fn scatter(&self, blocks: &[Vector3<f64>], nodes: &mut [Vector3<f64>]) {
         assert_eq!(nodes.len(), self.n_nodes(), "one entry per node");
         assert_eq!(blocks.len(), self.n_nodes(), "one entry per node");
-        for (value, &node) in blocks.iter().zip(&self.node_of_block) {
-            nodes[node as usize] = *value;
+        for (range, first) in &self.stretches {
+            let nodes = &mut nodes[*first..first + range.len()];
+            nodes.copy_from_slice(&blocks[range.clone()]);
         }
     }
 }

@@ -1,6 +1,7 @@
 //! Springs as emitters.
 
 use crate::connections::Connections;
+use crate::linear_runs::LinearRuns;
 use crate::matrix::{OffDiagonal, PairBlocks, times};
 use crate::{
     BetweenFixed, BrokenSpring, Emitter, Evaluation, Linearization, MemoryUpdate, Nature, Notable,
@@ -24,6 +25,8 @@ pub struct Springs<L = Spring> {
     index: Vec<usize>,
     merged: Vec<Merged>,
     stiffness: StiffnessKind,
+    /// A copy of the numbers of those in runs, if all are linear.
+    linear_runs: Option<LinearRuns>,
 }
 
 /// A spring of the list that became part of another one.
@@ -56,6 +59,20 @@ impl<L: LengthLaw + Clone> Springs<L> {
             index: (0..springs.len()).collect(),
             merged: Vec::new(),
             stiffness: StiffnessKind::Variable,
+            linear_runs: None,
+        }
+    }
+
+    /// Notes the numbers of springs in runs, where the forces of all are as linear springs
+    /// give them.
+    fn note_runs(&mut self) {
+        self.linear_runs = None;
+        let are_linear = self.laws.iter().all(|law| law.as_linear().is_some());
+        if are_linear && self.stiffness != StiffnessKind::Isotropic {
+            let law = |index: usize| self.laws[index].as_linear().expect("all are");
+            let connections = &self.connections;
+            let numbers = LinearRuns::new(connections.runs(), connections.ends(), law);
+            self.linear_runs = Some(numbers);
         }
     }
 
@@ -212,6 +229,17 @@ struct Sums<'a, P> {
     pairs: &'a mut P,
 }
 
+#[cfg(test)]
+impl<L> Springs<L> {
+    /// The same, worked off one by one.
+    pub(crate) fn one_by_one(self) -> Self {
+        Self {
+            linear_runs: None,
+            ..self
+        }
+    }
+}
+
 impl Springs<Spring> {
     /// The linear springs of a scene that have a stiffness, with their indices there,
     /// and those that became part of one of them.
@@ -233,6 +261,7 @@ impl Springs<Spring> {
         let mut live = self.connections.live();
         if live.all(|index| self.laws[index].rest_length == 0.0) {
             self.stiffness = StiffnessKind::Isotropic;
+            self.note_runs();
         }
     }
 }
@@ -273,6 +302,7 @@ impl<L: LengthLaw + Clone + Send + Sync> Emitter for Springs<L> {
         for part in &mut self.merged {
             part.into = place[part.into];
         }
+        self.note_runs();
     }
 
     fn each_stencil(&self, visit: &mut dyn FnMut(&[u32])) {
@@ -293,7 +323,14 @@ impl<L: LengthLaw + Clone + Send + Sync> Emitter for Springs<L> {
     }
 
     fn add_forces(&self, x: &[Vector3<f64>], forces: &mut [Vector3<f64>]) {
-        for index in self.connections.live() {
+        let one_by_one = match &self.linear_runs {
+            Some(runs) => {
+                runs.add_forces(self.connections.runs(), x, forces);
+                self.connections.outside_runs()
+            }
+            None => self.connections.live(),
+        };
+        for index in one_by_one {
             self.connections
                 .add_force(index, self.force(index, x), forces);
         }
@@ -416,6 +453,7 @@ impl<L: LengthLaw + Clone + Send + Sync> Emitter for Springs<L> {
         for (law, &index) in self.laws.iter_mut().zip(&self.index) {
             law.set_spring(springs[index].spring);
         }
+        self.note_runs();
     }
 
     fn has_memory(&self) -> bool {

@@ -12,6 +12,7 @@ use crate::{
     Weights,
 };
 use nalgebra::Vector3;
+use pulp::{Arch, Simd, WithSimd};
 use springs_scene::Scene;
 use std::sync::Arc;
 
@@ -67,6 +68,32 @@ pub struct Linearization {
     /// elimination of prescribed velocities brings to the right-hand side.
     /// Zero without moving anchors.
     pub anchor_load: Vec<Vector3<f64>>,
+}
+
+/// Multiplies vectors by a factor each, four of them at once.
+struct Scale<'a> {
+    numbers: &'a mut [f64],
+    factors: &'a [f64],
+}
+
+impl WithSimd for Scale<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) {
+        let (numbers, numbers_rest) = self.numbers.as_chunks_mut::<12>();
+        let (factors, factors_rest) = self.factors.as_chunks::<4>();
+        for (numbers, factors) in numbers.iter_mut().zip(factors) {
+            let [k, l, m, n] = *factors;
+            let factors = [k, k, k, l, l, l, m, m, m, n, n, n];
+            for (number, factor) in numbers.iter_mut().zip(&factors) {
+                *number *= factor;
+            }
+        }
+        for (c, number) in numbers_rest.iter_mut().enumerate() {
+            *number *= factors_rest[c / 3];
+        }
+    }
 }
 
 impl System {
@@ -342,9 +369,10 @@ impl System {
         accelerations: &mut [Vector3<f64>],
     ) {
         self.forces(time, x, v, accelerations);
-        for (a, inverse) in accelerations.iter_mut().zip(&self.inverse_masses) {
-            *a *= *inverse;
-        }
+        Arch::new().dispatch(Scale {
+            numbers: bytemuck::cast_slice_mut(&mut accelerations[..self.n_free()]),
+            factors: &self.inverse_masses,
+        });
     }
 
     /// Storage for [`Self::linearize`].

@@ -33,4 +33,4 @@ pub mod law;
 mod separation;
 pub mod spring;
 
-pub use separation::{COINCIDENT, Separation};
+pub use separation::{COINCIDENT, SAFE_SQUARES, Separation};

@@ -6,8 +6,8 @@ use nalgebra::{ComplexField, SVector};
 /// coincident. It keeps l₀/l finite for every l₀ up to 1e100 m.
 pub const COINCIDENT: f64 = 1e-200;
 
-/// Squared lengths in this range neither overflow nor lose digits.
-const SAFE_SQUARES: core::ops::RangeInclusive<f64> = 1e-280..=1e300;
+/// Squared lengths in this range, in m², neither overflow nor lose digits.
+pub const SAFE_SQUARES: core::ops::RangeInclusive<f64> = 1e-280..=1e300;
 
 /// Whether a length whose square was computed as `square` may be taken as the
 /// plain square root.
@@ -72,7 +72,7 @@ fn length<const D: usize>(dx: &SVector<f64, D>) -> f64 {
     scale * ComplexField::sqrt(sum_of_squares(&(dx / scale)))
 }
 
-/// In the order of the coordinates, as the lanes do it.
+/// In the order of the coordinates.
 #[inline]
 pub(crate) fn sum_of_squares<const D: usize>(dx: &SVector<f64, D>) -> f64 {
     let mut sum = 0.0;

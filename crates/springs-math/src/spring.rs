@@ -42,6 +42,11 @@ pub trait LengthLaw {
     /// Whether k is never negative.
     fn is_convex(&self) -> bool;
 
+    /// K and l₀, if this is the linear law at all lengths.
+    fn as_linear(&self) -> Option<Spring> {
+        None
+    }
+
     /// Takes K and l₀ of `spring` in place of its own; a law whose stiffness follows from
     /// other numbers takes l₀ alone, and one that has neither stays as it is. What it
     /// remembers stays.
@@ -110,6 +115,10 @@ impl<L: LengthLaw> LengthLaw for &L {
         L::is_convex(self)
     }
 
+    fn as_linear(&self) -> Option<Spring> {
+        L::as_linear(self)
+    }
+
     fn is_broken(&self) -> bool {
         L::is_broken(self)
     }
@@ -141,6 +150,10 @@ impl Spring {
 }
 
 impl LengthLaw for Spring {
+    fn as_linear(&self) -> Option<Spring> {
+        Some(*self)
+    }
+
     fn set_spring(&mut self, spring: Spring) {
         *self = spring;
     }

@@ -6,6 +6,7 @@ pub(crate) mod filtered_leapfrog;
 pub(crate) mod implicit_euler;
 pub(crate) mod implicit_midpoint;
 pub(crate) mod linearly_implicit_euler;
+mod passes;
 pub(crate) mod rodas4;
 pub(crate) mod splitting;
 pub(crate) mod table;
@@ -176,6 +177,13 @@ pub trait Method: Send {
     /// energy ledger closes to the method's order. `None`: the ledger takes the
     /// trapezoidal rule over the step.
     fn flows(&self) -> Option<Flows> {
+        None
+    }
+
+    /// Kinetic energy of the free blocks at the end of the last step, in J, if the method
+    /// found it on its way, and that and the squares of all positions and velocities there
+    /// are finite numbers. `None`: it is computed from the state.
+    fn kinetic_energy(&self) -> Option<f64> {
         None
     }
 }

@@ -1,6 +1,7 @@
 //! Explicit kick–drift–kick methods: velocity Verlet and the compositions of
 //! Blanes and Moan.
 
+use super::passes::{kick_and_drift, last_kick};
 use crate::flows::Impulses;
 use crate::work::timed;
 use crate::{Anchors, Archive, ErrorEstimate, Flows, Interval, Method, MethodError, State, Work};
@@ -27,6 +28,8 @@ pub struct Splitting {
     seen_at_start: Vec<Vector3<f64>>,
     accelerations_are_known: bool,
     impulses: Impulses,
+    /// At the end of the last step, in J, if everything is finite.
+    kinetic_energy: Option<f64>,
     pub(crate) flows: Flows,
 }
 
@@ -108,6 +111,7 @@ impl Splitting {
             seen,
             accelerations_are_known: false,
             impulses: Impulses::new(system),
+            kinetic_energy: None,
             flows: Flows::default(),
         }
     }
@@ -189,11 +193,7 @@ impl Method for Splitting {
             let now = if stage == 0 { start } else { &*next };
             self.impulses
                 .add_kick(system, kick, kicked_at, (&state.v, now));
-            let moving = state.x.iter_mut().zip(&mut state.v);
-            for (a, (x, v)) in now.iter().zip(moving) {
-                *v += a * kick;
-                *x += *v * drift;
-            }
+            kick_and_drift(now, kick, &mut state.v, drift, &mut state.x);
             if is_damped {
                 for ((seen, v), a) in self.seen.iter_mut().zip(&state.v).zip(now) {
                     *seen = *v + a * next_kick;
@@ -215,12 +215,12 @@ impl Method for Splitting {
                 .add_all_but_loads(system, next_kick, &state.x, seen);
             kicked_at = time;
         }
-        let last_kick = self.kicks[self.drifts.len()] * h;
+        let kick = self.kicks[self.drifts.len()] * h;
         let last = (&state.v[..], &self.next_accelerations[..]);
-        self.impulses.add_kick(system, last_kick, kicked_at, last);
-        for (v, a) in state.v.iter_mut().zip(&self.next_accelerations) {
-            *v += a * last_kick;
-        }
+        self.impulses.add_kick(system, kick, kicked_at, last);
+        let accelerations = &self.next_accelerations;
+        self.kinetic_energy =
+            last_kick(accelerations, kick, &mut state.v, &state.x, system.masses());
         self.flows = self.impulses.flows(system, &state.v);
         Ok(None)
     }
@@ -240,5 +240,9 @@ impl Method for Splitting {
 
     fn flows(&self) -> Option<Flows> {
         Some(self.flows)
+    }
+
+    fn kinetic_energy(&self) -> Option<f64> {
+        self.kinetic_energy
     }
 }

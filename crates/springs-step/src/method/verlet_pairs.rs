@@ -99,4 +99,8 @@ impl Method for VerletPairs {
     fn flows(&self) -> Option<Flows> {
         Some(self.flows)
     }
+
+    fn kinetic_energy(&self) -> Option<f64> {
+        self.verlet.kinetic_energy()
+    }
 }

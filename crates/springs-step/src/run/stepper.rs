@@ -291,7 +291,9 @@ impl Stepper {
     /// kinetic energy.
     fn find_overflow(&mut self) -> Option<(Cause, usize)> {
         let masses = self.system.masses();
-        if let Some(kinetic) = self.state.finite_kinetic_energy(masses) {
+        let of_method = self.method.kinetic_energy();
+        let kinetic = of_method.or_else(|| self.state.finite_kinetic_energy(masses));
+        if let Some(kinetic) = kinetic {
             self.kinetic_energy = kinetic;
             return None;
         }
