@@ -1,10 +1,12 @@
-//! Forces of linear springs along runs, several springs at once.
+//! Linear springs along runs, several at once.
 
+use crate::Projection;
+use crate::matrix::times;
 use crate::run::{LANES, Run};
 use nalgebra::Vector3;
 use pulp::{Arch, Simd, WithSimd};
-use springs_math::SAFE_SQUARES;
-use springs_math::spring::{self, Spring};
+use springs_math::spring::{self, LengthLaw, Spring};
+use springs_math::{SAFE_SQUARES, Separation};
 use std::ops::Range;
 
 /// The numbers of linear springs along runs, slot by slot; zero where a slot has no
@@ -57,6 +59,59 @@ impl LinearRuns {
             forces: bytemuck::cast_slice_mut(forces),
         });
     }
+
+    /// Adds the products of `weight` times the Hessians and `y` on the first ends, and
+    /// their negatives on the second ends: of [`spring::linearize`] but for rounding.
+    ///
+    /// # Panics
+    ///
+    /// If a slice is shorter than the number of free blocks.
+    pub(crate) fn add_products(
+        &self,
+        runs: &[Run],
+        x: &[Vector3<f64>],
+        (projection, weight): (Projection, f64),
+        y: &[Vector3<f64>],
+        products: &mut [Vector3<f64>],
+    ) {
+        Arch::new().dispatch(AddProducts {
+            numbers: self,
+            runs,
+            x: bytemuck::cast_slice(x),
+            projection,
+            weight,
+            y: bytemuck::cast_slice(y),
+            products: bytemuck::cast_slice_mut(products),
+        });
+    }
+
+    /// Energy of all, in J: the sum of what the law gives for each, but for rounding.
+    ///
+    /// # Panics
+    ///
+    /// If there are fewer positions than free blocks.
+    pub(crate) fn energy(&self, runs: &[Run], x: &[Vector3<f64>]) -> f64 {
+        Arch::new().dispatch(SumOfEnergies {
+            numbers: self,
+            runs,
+            x: bytemuck::cast_slice(x),
+        })
+    }
+
+    /// Hands over where the first and the second ends of all lanes are among the
+    /// coordinates of the blocks, and the laws.
+    #[inline(always)]
+    fn each_lanes(&self, runs: &[Run], mut visit: impl FnMut([usize; 2], (&Lanes, &Lanes))) {
+        for (run, slots) in slots(runs) {
+            let (stiffnesses, _) = self.stiffnesses[slots.clone()].as_chunks();
+            let (rest_lengths, _) = self.rest_lengths[slots].as_chunks();
+            let mut at = 3 * run.first;
+            for law in stiffnesses.iter().zip(rest_lengths) {
+                visit([at, at + 3 * run.offset], law);
+                at += 3 * LANES;
+            }
+        }
+    }
 }
 
 struct AddForces<'a> {
@@ -72,29 +127,61 @@ impl WithSimd for AddForces<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        for (run, slots) in slots(self.runs) {
-            let (stiffnesses, _) = self.numbers.stiffnesses[slots.clone()].as_chunks();
-            let (rest_lengths, _) = self.numbers.rest_lengths[slots].as_chunks();
-            let (first, second) = (3 * run.first, 3 * (run.first + run.offset));
-            let (starts, _) = self.x[first..][..3 * run.n_slots].as_chunks();
-            let (ends, _) = self.x[second..][..3 * run.n_slots].as_chunks();
-            let laws = stiffnesses.iter().zip(rest_lengths);
-            let mut at = 0;
-            for ((start, end), law) in starts.iter().zip(ends).zip(laws) {
-                let forces = of_lanes(simd, [start, end], law);
-                // The second end first: with an offset below the number of lanes, a
-                // block is the second end of an earlier spring than it is the first of.
-                let on_end = lanes_at(self.forces, second + at);
-                for (sum, force) in on_end.iter_mut().zip(&forces) {
-                    *sum -= force;
-                }
-                let on_start = lanes_at(self.forces, first + at);
-                for (sum, force) in on_start.iter_mut().zip(&forces) {
-                    *sum += force;
-                }
-                at += 3 * LANES;
+        self.numbers.each_lanes(self.runs, |[first, second], law| {
+            let ends = [first, second].map(|at| lanes_at(self.x, at));
+            let forces = forces_of(simd, ends, law);
+            add_to_ends(self.forces, [first, second], &forces);
+        });
+    }
+}
+
+struct SumOfEnergies<'a> {
+    numbers: &'a LinearRuns,
+    runs: &'a [Run],
+    x: &'a [f64],
+}
+
+impl WithSimd for SumOfEnergies<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> f64 {
+        let mut sums = [0.0; LANES];
+        self.numbers.each_lanes(self.runs, |at, law| {
+            let ends = at.map(|at| lanes_at(self.x, at));
+            let energies = energies_of(simd, ends, law);
+            for (sum, energy) in sums.iter_mut().zip(&energies) {
+                *sum += energy;
             }
-        }
+        });
+        sums.iter().sum()
+    }
+}
+
+struct AddProducts<'a> {
+    numbers: &'a LinearRuns,
+    runs: &'a [Run],
+    x: &'a [f64],
+    projection: Projection,
+    weight: f64,
+    y: &'a [f64],
+    products: &'a mut [f64],
+}
+
+impl WithSimd for AddProducts<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let (projection, weight) = (self.projection, self.weight);
+        self.numbers.each_lanes(self.runs, |at, law| {
+            let [x, y] = [self.x, self.y].map(|vectors| at.map(|at| lanes_at(vectors, at)));
+            let mut products = products_of(simd, x, law, projection, y);
+            for product in &mut products {
+                *product *= weight;
+            }
+            add_to_ends(self.products, at, &products);
+        });
     }
 }
 
@@ -104,27 +191,53 @@ type Ends = [f64; 3 * LANES];
 type Lanes = [f64; LANES];
 
 #[inline(always)]
-fn lanes_at(vectors: &mut [f64], at: usize) -> &mut Ends {
-    let lanes = &mut vectors[at..at + 3 * LANES];
+fn lanes_at(vectors: &[f64], at: usize) -> &Ends {
+    let lanes = &vectors[at..at + 3 * LANES];
     lanes.try_into().expect("as many as there are")
 }
 
-/// Forces on the first ends of as many springs as there are lanes.
+/// Adds to the first ends, and subtracts from the second ones.
 #[inline(always)]
-fn of_lanes<S: Simd>(
+fn add_to_ends(sums: &mut [f64], [first, second]: [usize; 2], values: &Ends) {
+    // The second end first: with an offset below the number of lanes, a block is the
+    // second end of an earlier spring than it is the first of.
+    let (_, on_second) = sums.split_at_mut(second);
+    for (sum, value) in on_second[..3 * LANES].iter_mut().zip(values) {
+        *sum -= value;
+    }
+    let (_, on_first) = sums.split_at_mut(first);
+    for (sum, value) in on_first[..3 * LANES].iter_mut().zip(values) {
+        *sum += value;
+    }
+}
+
+#[inline(always)]
+fn differences([start, end]: [&Ends; 2]) -> Ends {
+    let mut differences = [0.0; 3 * LANES];
+    for c in 0..3 * LANES {
+        differences[c] = end[c] - start[c];
+    }
+    differences
+}
+
+#[inline(always)]
+fn dots(a: &Ends, b: &Ends) -> Lanes {
+    let mut dots = [0.0; LANES];
+    for c in 0..LANES {
+        dots[c] = a[3 * c] * b[3 * c] + a[3 * c + 1] * b[3 * c + 1] + a[3 * c + 2] * b[3 * c + 2];
+    }
+    dots
+}
+
+/// Forces on the first ends.
+#[inline(always)]
+fn forces_of<S: Simd>(
     simd: S,
     [start, end]: [&Ends; 2],
     (stiffnesses, rest_lengths): (&Lanes, &Lanes),
 ) -> Ends {
-    let mut forces = [0.0; 3 * LANES];
-    for c in 0..3 * LANES {
-        forces[c] = end[c] - start[c];
-    }
-    let mut squares = [0.0; LANES];
-    for c in 0..LANES {
-        let [x, y, z] = [forces[3 * c], forces[3 * c + 1], forces[3 * c + 2]];
-        squares[c] = x * x + y * y + z * z;
-    }
+    let mut forces = differences([start, end]);
+    let squares = dots(&forces, &forces);
     let mut per_lengths = [0.0; LANES];
     if !divide(
         simd,
@@ -132,8 +245,7 @@ fn of_lanes<S: Simd>(
         (stiffnesses, rest_lengths),
         &mut per_lengths,
     ) {
-        one_by_one([start, end], (stiffnesses, rest_lengths), &mut forces);
-        return forces;
+        return forces_one_by_one([start, end], (stiffnesses, rest_lengths));
     }
     for c in 0..LANES {
         forces[3 * c] *= per_lengths[c];
@@ -176,12 +288,11 @@ fn divide<S: Simd>(
 /// The same where one of the springs is very short or long, or broken off the numbers.
 #[cold]
 #[inline(never)]
-fn one_by_one(
+fn forces_one_by_one(
     [start, end]: [&Ends; 2],
     (stiffnesses, rest_lengths): (&Lanes, &Lanes),
-    forces: &mut Ends,
-) {
-    forces.fill(0.0);
+) -> Ends {
+    let mut forces = [0.0; 3 * LANES];
     let ends = start.chunks_exact(3).zip(end.chunks_exact(3));
     let laws = stiffnesses.iter().zip(rest_lengths);
     for ((force, (start, end)), (&stiffness, &rest_length)) in
@@ -198,11 +309,116 @@ fn one_by_one(
         let ends = [start, end].map(Vector3::from_column_slice);
         force.copy_from_slice(spring::force(law, &ends[0], &ends[1]).as_slice());
     }
+    forces
+}
+
+#[inline(always)]
+fn energies_of<S: Simd>(
+    simd: S,
+    x: [&Ends; 2],
+    (stiffnesses, rest_lengths): (&Lanes, &Lanes),
+) -> Lanes {
+    let dx = differences(x);
+    let squares = dots(&dx, &dx);
+    let mut per_lengths = [0.0; LANES];
+    let mut energies = [0.0; LANES];
+    if divide(
+        simd,
+        &squares,
+        (stiffnesses, rest_lengths),
+        &mut per_lengths,
+    ) {
+        let lengths = squares.map(f64::sqrt);
+        for c in 0..LANES {
+            let stretch = lengths[c] - rest_lengths[c];
+            energies[c] = 0.5 * stiffnesses[c] * stretch * stretch;
+        }
+        return energies;
+    }
+    let laws = stiffnesses.iter().zip(rest_lengths);
+    for ((energy, dx), (&stiffness, &rest_length)) in
+        energies.iter_mut().zip(dx.chunks_exact(3)).zip(laws)
+    {
+        if stiffness != 0.0 {
+            let law = Spring {
+                stiffness,
+                rest_length,
+            };
+            let length = Separation::of(&Vector3::from_column_slice(dx)).length;
+            *energy = law.energy(length);
+        }
+    }
+    energies
+}
+
+/// Products on the first ends.
+#[inline(always)]
+fn products_of<S: Simd>(
+    simd: S,
+    x: [&Ends; 2],
+    (stiffnesses, rest_lengths): (&Lanes, &Lanes),
+    projection: Projection,
+    [first, second]: [&Ends; 2],
+) -> Ends {
+    let dx = differences(x);
+    // The product is that of the block and y₀ − y₁.
+    let dy = differences([second, first]);
+    let squares = dots(&dx, &dx);
+    let mut per_lengths = [0.0; LANES];
+    if !divide(
+        simd,
+        &squares,
+        (stiffnesses, rest_lengths),
+        &mut per_lengths,
+    ) {
+        return products_one_by_one(x, (stiffnesses, rest_lengths), projection, &dy);
+    }
+    let across = per_lengths.map(|per_length| projection.apply(per_length));
+    let mut along = dots(&dx, &dy);
+    for c in 0..LANES {
+        along[c] *= (stiffnesses[c] - across[c]) / squares[c];
+    }
+    let mut products = [0.0; 3 * LANES];
+    for c in 0..LANES {
+        products[3 * c] = across[c] * dy[3 * c] + along[c] * dx[3 * c];
+        products[3 * c + 1] = across[c] * dy[3 * c + 1] + along[c] * dx[3 * c + 1];
+        products[3 * c + 2] = across[c] * dy[3 * c + 2] + along[c] * dx[3 * c + 2];
+    }
+    products
+}
+
+#[cold]
+#[inline(never)]
+fn products_one_by_one(
+    x: [&Ends; 2],
+    (stiffnesses, rest_lengths): (&Lanes, &Lanes),
+    projection: Projection,
+    dy: &Ends,
+) -> Ends {
+    let dx = differences(x);
+    let mut products = [0.0; 3 * LANES];
+    let laws = stiffnesses.iter().zip(rest_lengths);
+    let vectors = dx.chunks_exact(3).zip(dy.chunks_exact(3));
+    for ((product, (dx, dy)), (&stiffness, &rest_length)) in
+        products.chunks_exact_mut(3).zip(vectors).zip(laws)
+    {
+        if stiffness == 0.0 {
+            continue;
+        }
+        let law = Spring {
+            stiffness,
+            rest_length,
+        };
+        let [dx, dy] = [dx, dy].map(Vector3::from_column_slice);
+        let (_, block) = spring::linearize(law, None, &dx, |across| projection.apply(across));
+        product.copy_from_slice(times(&block, &dy).as_slice());
+    }
+    products
 }
 
 #[cfg(test)]
 mod tests {
-    use crate::{Emitter, Numbering, SpringBetween, Springs};
+    use crate::{Emitter, Evaluation, Numbering, Projection, SpringBetween, Springs, Weights};
     use nalgebra::Vector3;
     use springs_math::spring::Spring;
 
@@ -271,6 +487,77 @@ mod tests {
                     Vec::from_iter(forces.iter().map(|f| f.map(bits)))
                 };
                 assert!(of(&springs) == of(&one_by_one), "{share} {odd}");
+            }
+        }
+    }
+
+    /// To rounding, near and far from the origin, with coincident ends and without.
+    #[test]
+    fn energy_is_the_sum_of_those_of_springs_one_by_one() {
+        let mut dice = Dice(3);
+        let numbering = Numbering::new((0..1200).map(|node| node % 300 == 17));
+        let mut springs = Springs::new("springs", &net(&mut dice));
+        springs.number(&numbering);
+        let one_by_one = springs.clone().one_by_one();
+        for (scale, share) in [(1.0, 0.0), (1.0, 0.1), (1e3, 0.0), (1e-160, 0.0)] {
+            let mut coordinate = || {
+                if dice.roll() < share {
+                    0.0
+                } else {
+                    dice.roll() * scale
+                }
+            };
+            let x = Vec::from_iter((0..1200).map(|_| Vector3::from_fn(|_, _| coordinate())));
+            let (fast, plain) = (springs.energy(&x), one_by_one.energy(&x));
+            assert!((fast - plain).abs() < 1e-13 * plain, "{fast} {plain}");
+            let [fast, plain] = [&springs, &one_by_one].map(|s| s.energy_on_free_blocks(&x));
+            assert!((fast - plain).abs() < 1e-13 * plain, "{fast} {plain}");
+        }
+    }
+
+    /// To rounding, with every projection; uniform motion gives exactly nothing.
+    #[test]
+    fn products_are_those_of_springs_one_by_one() {
+        let mut dice = Dice(2);
+        let numbering = Numbering::new((0..1200).map(|node| node % 300 == 17));
+        let mut springs = Springs::new("springs", &net(&mut dice));
+        springs.number(&numbering);
+        let one_by_one = springs.clone().one_by_one();
+        let mut vectors = || {
+            let vector = |_| Vector3::from_fn(|_, _| dice.roll() - 0.5);
+            Vec::from_iter((0..1200).map(vector))
+        };
+        let (mut x, v, y) = (vectors(), vectors(), vectors());
+        // Two nodes that coincide.
+        x[101] = x[100];
+        for projection in [
+            Projection::None,
+            Projection::Clamp,
+            Projection::Absolute,
+            Projection::Drop,
+        ] {
+            let at = Evaluation {
+                projection,
+                ..Evaluation::new(&x, &v, Weights::of_step(0.1))
+            };
+            let of = |springs: &Springs, y: &[Vector3<f64>]| {
+                let mut products = vec![Vector3::zeros(); numbering.n_free()];
+                springs.add_products(&at, y, &mut products);
+                products
+            };
+            let (fast, plain) = (of(&springs, &y), of(&one_by_one, &y));
+            for (fast, plain) in fast.iter().zip(&plain) {
+                assert!((fast - plain).norm() < 1e-13 * plain.norm().max(1.0));
+            }
+            // Without what is fixed.
+            let uniform = vec![Vector3::new(1.0, 2.0, 3.0); 1200];
+            let nothing = of(&springs, &uniform);
+            let held = |block: usize| {
+                let ends = springs.connections_of(block);
+                ends.into_iter().any(|end| numbering.is_fixed(end))
+            };
+            for (block, product) in nothing.iter().enumerate() {
+                assert!(held(block) || *product == Vector3::zeros());
             }
         }
     }

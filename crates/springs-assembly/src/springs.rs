@@ -238,6 +238,13 @@ impl<L> Springs<L> {
             ..self
         }
     }
+
+    /// The other ends of all springs at a block.
+    pub(crate) fn connections_of(&self, block: usize) -> Vec<u32> {
+        let ends = self.connections.ends().iter();
+        let here = ends.filter(|ends| ends.contains(&(block as u32)));
+        here.flatten().copied().collect()
+    }
 }
 
 impl Springs<Spring> {
@@ -314,18 +321,27 @@ impl<L: LengthLaw + Clone + Send + Sync> Emitter for Springs<L> {
     }
 
     fn energy(&self, x: &[Vector3<f64>]) -> f64 {
-        (0..self.len()).map(|index| self.energy_of(index, x)).sum()
+        let between_fixed = self.connections.between_fixed();
+        let between_fixed = between_fixed.map(|index| self.energy_of(index, x));
+        self.energy_on_free_blocks(x) + between_fixed.sum::<f64>()
     }
 
     fn energy_on_free_blocks(&self, x: &[Vector3<f64>]) -> f64 {
-        let live = self.connections.live();
-        live.map(|index| self.energy_of(index, x)).sum()
+        let runs = self.connections.runs();
+        let (along_runs, one_by_one) = match &self.linear_runs {
+            Some(numbers) => (numbers.energy(runs, x), self.connections.outside_runs()),
+            None => (0.0, self.connections.live()),
+        };
+        along_runs
+            + one_by_one
+                .map(|index| self.energy_of(index, x))
+                .sum::<f64>()
     }
 
     fn add_forces(&self, x: &[Vector3<f64>], forces: &mut [Vector3<f64>]) {
         let one_by_one = match &self.linear_runs {
-            Some(runs) => {
-                runs.add_forces(self.connections.runs(), x, forces);
+            Some(numbers) => {
+                numbers.add_forces(self.connections.runs(), x, forces);
                 self.connections.outside_runs()
             }
             None => self.connections.live(),
@@ -366,7 +382,17 @@ impl<L: LengthLaw + Clone + Send + Sync> Emitter for Springs<L> {
     }
 
     fn add_products(&self, at: &Evaluation<'_>, y: &[Vector3<f64>], products: &mut [Vector3<f64>]) {
-        for index in self.connections.live() {
+        let is_plain = at.carried.is_none() && at.projected.is_none();
+        let one_by_one = match &self.linear_runs {
+            Some(numbers) if is_plain => {
+                let factors = (at.projection, at.weights.stiffness);
+                let runs = self.connections.runs();
+                numbers.add_products(runs, at.x, factors, y, products);
+                self.connections.outside_runs()
+            }
+            _ => self.connections.live(),
+        };
+        for index in one_by_one {
             let block = self.block(index, at);
             self.connections
                 .add_product(index, &block, at.weights.stiffness, y, products);

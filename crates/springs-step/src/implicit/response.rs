@@ -20,7 +20,7 @@ pub(crate) struct Response {
 /// The residual may be this part of the solution: an estimate needs no more.
 const ACCURACY: f64 = 0.3;
 /// A bound that is found in fewer iterations is better than more of them.
-const MOST_ITERATIONS: usize = 32;
+const MOST_ITERATIONS: u32 = 32;
 
 impl Response {
     /// y = (M + TD + T²S)⁻¹M e by the matrix of the method, with T = `time_scale`
@@ -45,19 +45,20 @@ impl Response {
     /// step costs.
     ///
     /// What is still missing after an iteration is no more than M⁻¹ times the
-    /// residual, because the matrix is no less than M.
+    /// residual, because the matrix is no less than M. Gives the number of iterations,
+    /// too.
     pub(crate) fn bound(
         &mut self,
         (system, state): (&System, &State),
         time_scale: f64,
         errors: &[Vector3<f64>],
         work: &mut Work,
-    ) -> f64 {
+    ) -> (f64, u32) {
         let masses = system.masses();
         let mut bound = largest(errors).1;
         let mut remaining = product(masses, errors, errors);
         if masses.contains(&0.0) || remaining == 0.0 {
-            return bound;
+            return (bound, 0);
         }
         let at = Evaluation {
             projection: Projection::Clamp,
@@ -72,7 +73,9 @@ impl Response {
             vectors.clear();
             vectors.extend_from_slice(errors);
         }
-        for _ in 0..MOST_ITERATIONS {
+        let mut n_iterations = 0;
+        while n_iterations < MOST_ITERATIONS {
+            n_iterations += 1;
             timed(&mut work.phases.assembly, || {
                 system.product(&at, &self.direction, &mut self.product);
             });
@@ -93,7 +96,7 @@ impl Response {
                 *direction = residual + *direction * (remaining / last);
             }
         }
-        bound
+        (bound, n_iterations)
     }
 }
 
@@ -128,7 +131,7 @@ mod tests {
                 let time = angle / system.frequency_bound();
                 let y = response.by_matrix(&mut method, at, time, &errors, work);
                 let exact = largest(y.unwrap()).1;
-                let bound = response.bound(at, time, &errors, work);
+                let (bound, _) = response.bound(at, time, &errors, work);
                 let what = format!("{waves}, {angle}: {bound} for {exact}");
                 // Iterations are given up before long times are met exactly.
                 let most = if angle > 10.0 { 4.0 } else { 1.4 };

@@ -1,5 +1,6 @@
 //! Error control for methods without an estimate of their own.
 
+use super::passes::set_multiple_of_difference;
 use crate::method::weighing::Weighing;
 use crate::{Anchors, Archive, ErrorEstimate, Flows, Interval, Method, MethodError, State, Work};
 use springs_assembly::System;
@@ -93,8 +94,9 @@ impl Method for Doubling {
         self.flows = flows.zip(self.method.flows()).map(|(a, b)| a + b);
 
         let whole = &self.whole;
-        let estimate = self.weighing.estimate(h, state, |k| {
-            [state.x[k] - whole.x[k], state.v[k] - whole.v[k]]
+        let estimate = self.weighing.estimate(h, state, |part, [e_x, e_v]| {
+            set_multiple_of_difference(part, &state.x, &whole.x, e_x);
+            set_multiple_of_difference(part, &state.v, &whole.v, e_v);
         });
         Ok(Some(estimate))
     }

@@ -99,6 +99,57 @@ impl WithSimd for LastKick<'_> {
     }
 }
 
+/// Sets errors to a₁ − a₀ and 2a₁ − a₀ − a₂, each times its factor.
+pub(super) fn set_errors_of_pair(
+    factors: [f64; 2],
+    accelerations: [&[Vector3<f64>]; 3],
+    errors: [&mut [Vector3<f64>]; 2],
+) {
+    let accelerations = accelerations.map(bytemuck::cast_slice);
+    Arch::new().dispatch(ErrorsOfPair {
+        factors,
+        accelerations,
+        errors: errors.map(numbers_mut),
+    });
+}
+
+struct ErrorsOfPair<'a> {
+    factors: [f64; 2],
+    accelerations: [&'a [f64]; 3],
+    errors: [&'a mut [f64]; 2],
+}
+
+impl WithSimd for ErrorsOfPair<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) {
+        let ([a0, a1, a2], [e_x, e_v]) = (self.accelerations, self.errors);
+        let [of_turn, of_bend] = self.factors;
+        for ((a0, (a1, a2)), (e_x, e_v)) in a0
+            .iter()
+            .zip(a1.iter().zip(a2))
+            .zip(e_x.iter_mut().zip(e_v))
+        {
+            let turn = a1 - a0;
+            *e_x = of_turn * turn;
+            *e_v = of_bend * (turn + (a1 - a2));
+        }
+    }
+}
+
+/// Sets the third to `factor`·(a − b).
+pub(super) fn set_multiple_of_difference(
+    factor: f64,
+    a: &[Vector3<f64>],
+    b: &[Vector3<f64>],
+    multiple: &mut [Vector3<f64>],
+) {
+    for (multiple, (a, b)) in multiple.iter_mut().zip(a.iter().zip(b)) {
+        *multiple = (a - b) * factor;
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

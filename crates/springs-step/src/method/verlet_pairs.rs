@@ -1,5 +1,6 @@
 //! Velocity Verlet with an estimate of its error.
 
+use super::passes::set_errors_of_pair;
 use crate::method::weighing::Weighing;
 use crate::{
     Anchors, Archive, ErrorEstimate, Flows, Interval, Method, MethodError, Splitting, State, Work,
@@ -67,10 +68,9 @@ impl Method for VerletPairs {
         self.verlet.step(system, anchors, second, state, work)?;
         self.flows += self.verlet.flows;
         let (k, [a0, a1, a2]) = (first.size, self.verlet.last_accelerations());
-        let estimate = self.weighing.estimate(interval.size, state, |block| {
-            let turn = a1[block] - a0[block];
-            let bend = turn + (a1[block] - a2[block]);
-            [turn * (k * k), bend * (0.5 * k)]
+        let (h, factors) = (interval.size, [k * k, 0.5 * k]);
+        let estimate = self.weighing.estimate(h, state, |part, errors| {
+            set_errors_of_pair(factors.map(|factor| part * factor), [a0, a1, a2], errors);
         });
         Ok(Some(estimate))
     }

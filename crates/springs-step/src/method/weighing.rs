@@ -2,7 +2,7 @@
 
 use crate::implicit::response::Response;
 use crate::method::time_scale;
-use crate::vectors::{largest, spread};
+use crate::vectors::{largest, largest_change, largest_sum, spread};
 use crate::{Archive, ErrorEstimate, Method, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::System;
@@ -24,11 +24,11 @@ use springs_assembly::System;
 /// resolve, so such vibrations are damped in e_v first.
 pub(crate) struct Weighing {
     order: u32,
-    /// Velocities at the start of the last step, in m/s, and e_v at its end.
+    /// Velocities at the start of the last step, in m/s, and e_x and e_v at its end.
     velocities: Vec<Vector3<f64>>,
+    errors_of_positions: Vec<Vector3<f64>>,
     errors: Vec<Vector3<f64>>,
-    /// ‖e_x‖ of the last step, in m, and where its error is largest.
-    error_of_positions: f64,
+    /// Where the error of the last step is largest.
     block: usize,
     step_size: f64,
     /// T, in s.
@@ -50,8 +50,11 @@ struct Stiffness {
 }
 
 /// Estimates that are made with one Ω: twice as many whenever it was found to be the
-/// same. Conjugate gradients then cost less than the steps themselves.
+/// same.
 const SHORTEST_PAUSE: u32 = 16;
+/// At least so many for each iteration of conjugate gradients, which then cost about a
+/// tenth of the steps.
+const ESTIMATES_PER_ITERATION: u32 = 8;
 const LONGEST_PAUSE: u32 = 256;
 /// It is the same within this factor.
 const SAME: f64 = 1.5;
@@ -65,8 +68,8 @@ impl Weighing {
         Self {
             order,
             velocities: vec![Vector3::zeros(); system.n_free()],
+            errors_of_positions: vec![Vector3::zeros(); system.n_free()],
             errors: vec![Vector3::zeros(); system.n_free()],
-            error_of_positions: 0.0,
             block: 0,
             step_size: 0.0,
             time_scale: 0.0,
@@ -86,31 +89,23 @@ impl Weighing {
         self.velocities.copy_from_slice(&v[..n_free]);
     }
 
-    /// The estimate of a step of size `h` in s that ended at `state`; `differences`
-    /// gives for each free block by how much positions and velocities of two halves
-    /// are off from those of the whole.
+    /// The estimate of a step of size `h` in s that ended at `state`; `set_errors` is told
+    /// which part of differences is the error, and sets e_x and e_v of the free blocks from
+    /// how far positions and velocities of two halves are from those of the whole.
     pub(crate) fn estimate(
         &mut self,
         h: f64,
         state: &State,
-        differences: impl Fn(usize) -> [Vector3<f64>; 2],
+        set_errors: impl FnOnce(f64, [&mut [Vector3<f64>]; 2]),
     ) -> ErrorEstimate {
-        let scale = 1.0 / (2f64.powi(self.order as i32) - 1.0);
-        let pairs = state.v.iter().zip(&self.velocities);
-        let changes = pairs.map(|(end, start)| (end - start).amax());
-        let acceleration = changes.fold(0.0, f64::max) / h;
+        let part = 1.0 / (2f64.powi(self.order as i32) - 1.0);
+        set_errors(part, [&mut self.errors_of_positions, &mut self.errors]);
+        let n_free = self.velocities.len();
+        let acceleration = largest_change(&state.v[..n_free], &self.velocities) / h;
         self.time_scale = time_scale(spread(&state.v), acceleration, h);
-        let mut error = 0.0;
-        (self.step_size, self.error_of_positions) = (h, 0.0);
-        for k in 0..self.errors.len() {
-            let [x, v] = differences(k).map(|difference| difference * scale);
-            let here = x.amax() + self.time_scale * v.amax();
-            if here > error || here.is_nan() {
-                (self.block, error) = (k, here);
-            }
-            self.error_of_positions = self.error_of_positions.max(x.amax());
-            self.errors[k] = v;
-        }
+        let error;
+        (self.block, error) = largest_sum(&self.errors_of_positions, self.time_scale, &self.errors);
+        self.step_size = h;
         self.told(error)
     }
 
@@ -128,7 +123,7 @@ impl Weighing {
         }
         let error = largest(&self.errors).1;
         let time = self.time_of_errors(method, at, error, work);
-        self.told(self.error_of_positions + time * error)
+        self.told(largest(&self.errors_of_positions).1 + time * error)
     }
 
     fn told(&self, error: f64) -> ErrorEstimate {
@@ -151,8 +146,8 @@ impl Weighing {
         last.pause = last.pause.saturating_sub(1);
         if error > 0.0 && (last.pause == 0 || error > GROWN * last.error) {
             let (response, errors) = (&mut self.response, &self.errors);
-            let left = match response.by_matrix(method, at, time, errors, work) {
-                Some(left) => largest(left).1,
+            let (left, n_iterations) = match response.by_matrix(method, at, time, errors, work) {
+                Some(left) => (largest(left).1, 0),
                 None => response.bound(at, time, errors, work),
             };
             let frequency = (error / left - 1.0).max(0.0).sqrt() / time;
@@ -160,7 +155,7 @@ impl Weighing {
             let pause = if is_same {
                 (2 * last.last_pause).clamp(SHORTEST_PAUSE, LONGEST_PAUSE)
             } else {
-                SHORTEST_PAUSE
+                SHORTEST_PAUSE.max(ESTIMATES_PER_ITERATION * n_iterations)
             };
             *last = Stiffness {
                 frequency,
