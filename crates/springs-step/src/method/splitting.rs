@@ -27,7 +27,6 @@ pub struct Splitting {
     seen_at_start: Vec<Vector3<f64>>,
     accelerations_are_known: bool,
     impulses: Impulses,
-    pub(crate) flows: Flows,
 }
 
 impl Splitting {
@@ -108,8 +107,12 @@ impl Splitting {
             seen,
             accelerations_are_known: false,
             impulses: Impulses::new(system),
-            flows: Flows::default(),
         }
+    }
+
+    /// Those of the last step.
+    pub(crate) fn last_flows(&self) -> &Flows {
+        self.impulses.flows()
     }
 
     /// The last accepted step is taken back; without dashpots only.
@@ -221,7 +224,7 @@ impl Method for Splitting {
         for (v, a) in state.v.iter_mut().zip(&self.next_accelerations) {
             *v += a * last_kick;
         }
-        self.flows = self.impulses.flows(system, &state.v);
+        self.impulses.finish(system, &state.v);
         Ok(None)
     }
 
@@ -238,7 +241,7 @@ impl Method for Splitting {
         std::mem::swap(&mut self.seen_at_start, &mut self.seen);
     }
 
-    fn flows(&self) -> Option<Flows> {
-        Some(self.flows)
+    fn flows(&self) -> Option<&Flows> {
+        Some(self.impulses.flows())
     }
 }
