@@ -19,6 +19,7 @@ fn driven(damping: f64, frequency: f64) -> Scene {
     let spring = scene.add_spring(anchor, mass, 50.0);
     scene.springs[spring].damping = damping;
     scene.loads.push(Load {
+        name: String::new(),
         nodes: vec![mass],
         force: Vector3::new(0.3, 0.0, 0.0),
         over_time: OverTime::Sine {
@@ -121,6 +122,7 @@ fn the_ledger_closes_and_skipping_changes_nothing() {
         });
         scene.add_spring(anchor, mass, 80.0);
         scene.loads.push(Load {
+            name: String::new(),
             nodes: vec![mass, anchor],
             force: Vector3::new(0.0, 1.0, 0.0),
             over_time,
@@ -218,6 +220,7 @@ fn pushed_late(over_time: OverTime) -> Scene {
     let spring = scene.add_spring(0, 1, 200.0);
     scene.springs[spring].rest_length = 1.0;
     scene.loads.push(Load {
+        name: String::new(),
         nodes: vec![1],
         force: Vector3::new(4000.0, 0.0, 0.0),
         over_time,

@@ -61,6 +61,7 @@ fn shaken(seed: u64, method: Method) -> Scene {
 
 fn load(nodes: &[usize], force: Vector3<f64>, over_time: OverTime) -> Load {
     Load {
+        name: String::new(),
         nodes: nodes.to_vec(),
         force,
         over_time,

@@ -168,11 +168,13 @@ mod tests {
         scene.add_node(Node::fixed(Vector3::y()));
         scene.loads = vec![
             Load {
+                name: String::new(),
                 nodes: vec![0, 1, 1],
                 force: Vector3::z(),
                 over_time: OverTime::Constant,
             },
             Load {
+                name: String::new(),
                 nodes: vec![],
                 force: Vector3::z(),
                 over_time: OverTime::Constant,
