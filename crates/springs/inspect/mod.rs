@@ -8,6 +8,7 @@
 //!
 //! let mut scene = cloth(8, Material::of_cloth());
 //! scene.loads.push(Load {
+//!     name: String::new(),
 //!     nodes: vec![],
 //!     force: Vector3::z(),
 //!     over_time: OverTime::Constant,
