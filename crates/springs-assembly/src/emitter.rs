@@ -42,16 +42,19 @@ pub trait Emitter: Send + Sync {
     /// Adds the forces that depend on positions alone, in N: −∂V/∂x.
     fn add_forces(&self, x: &[Vector3<f64>], forces: &mut [Vector3<f64>]);
 
-    /// Adds the forces that depend on nothing but time, in N: loads. `time` in s.
-    fn add_loads(&self, _time: f64, _forces: &mut [Vector3<f64>]) {}
-
-    /// How many loads there are, of one or more forces each, whose work is counted one by
-    /// one; at least one where [`Nature::is_load`].
-    fn n_loads(&self) -> usize {
-        0
+    /// Adds the forces that depend on nothing but time, in N: loads, on free blocks. `time`
+    /// in s.
+    fn add_loads(&self, time: f64, forces: &mut [Vector3<f64>]) {
+        self.each_load(time, &mut |_, block, force| forces[block] += force);
     }
 
-    /// Hands over every force that [`Self::add_loads`] adds, in N, with its load, counted
+    /// How many loads there are, of one or more forces each, whose work is booked one by
+    /// one; none, or a single one, if it does not say.
+    fn n_loads(&self) -> usize {
+        usize::from(self.nature().is_load)
+    }
+
+    /// Hands over every force of a load on a free block, in N, with its load, counted
     /// from 0, and its block: always in the same order.
     fn each_load(&self, _time: f64, _visit: &mut dyn FnMut(usize, usize, &Vector3<f64>)) {}
 

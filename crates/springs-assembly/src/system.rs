@@ -257,8 +257,8 @@ impl System {
         self.loads().map(Emitter::n_loads).sum()
     }
 
-    /// Hands over every force of a load on a free block at a time in s, in N, with its load and its block:
-    /// always in the same order. Guides are not taken into account.
+    /// Hands over every force of a load on a free block at a time in s, in N, with its load
+    /// and its block: always in the same order. It is not projected onto guides.
     pub fn each_load(&self, time: f64, mut visit: impl FnMut(usize, usize, &Vector3<f64>)) {
         let mut first = 0;
         for emitter in self.loads() {

@@ -356,7 +356,7 @@ impl Impulses {
         });
     }
 
-    /// BlockWorks of anchors against forces that depend on positions alone, in J, to be added to:
+    /// Works of anchors against forces that depend on positions alone, in J, to be added to:
     /// one for each fixed block.
     pub(crate) fn anchor_works(&mut self, system: &System) -> &mut [f64] {
         self.flows.works.with_anchors(system)

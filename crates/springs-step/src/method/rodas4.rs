@@ -29,7 +29,7 @@ pub struct Rodas4 {
     forces: Vec<Vector3<f64>>,
     /// ∂f/∂t by moving anchors, in N/s.
     drift: Vec<Vector3<f64>>,
-    /// BlockWorks of anchors and loads: unknowns beside positions and velocities, of which
+    /// Works of anchors and loads: unknowns beside positions and velocities, of which
     /// these are the u of each stage, in J.
     works: [BlockWorks; STAGES],
     /// What their powers change by with time, in W/s, while velocities stay.
