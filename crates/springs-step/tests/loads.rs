@@ -281,3 +281,43 @@ fn the_work_of_loads_is_that_of_every_stage() {
         );
     }
 }
+
+/// A load that jumps is one that rises within a moment: steps that are chosen from the error
+/// end at both times, and none of them sees the jump within. Force F from T on gives
+/// x = F (t − T)²/2m.
+#[test]
+fn a_load_that_rises_within_a_moment_is_met_exactly() {
+    let (mass, force, jump) = (2.0, 3.0, 0.5);
+    let mut scene = Scene::default();
+    scene.add_node(Node {
+        mass,
+        ..Node::at(Vector3::zeros())
+    });
+    scene.loads.push(Load {
+        name: String::new(),
+        nodes: vec![0],
+        force: Vector3::x() * force,
+        over_time: OverTime::Table(vec![[jump, 0.0], [jump + 1e-9, 1.0]]),
+    });
+    scene.settings.step = StepControl::Tolerance(1e-7);
+    for method in [
+        Method::TrBdf2,
+        Method::VelocityVerlet,
+        Method::BlanesMoan4,
+        Method::BlanesMoan6,
+        Method::Dop853,
+        Method::Rodas4,
+    ] {
+        scene.settings.method = method;
+        let mut simulation = Simulation::new(&scene).unwrap();
+        simulation.run(1, &mut ()).unwrap();
+        let (x, steps) = (
+            simulation.nodes().positions[0].x,
+            simulation.stepper().steps(),
+        );
+        let expected = force * (1.0 - jump).powi(2) / (2.0 * mass);
+        // What is missing of the force within the moment.
+        assert!((x - expected).abs() < 1e-9, "{method}: {x} m");
+        assert!(steps < 20, "{method}: {steps} steps");
+    }
+}
