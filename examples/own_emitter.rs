@@ -67,6 +67,7 @@ fn depth(n: usize, (length, bending_stiffness, force): (f64, f64, f64)) -> f64 {
         }
     }
     scene.loads.push(Load {
+        name: String::new(),
         nodes: vec![n + 1],
         force: Vector3::new(0.0, 0.0, -force),
         over_time: OverTime::Constant,

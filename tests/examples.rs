@@ -1,5 +1,6 @@
 //! What the examples print is what is known of their scenes.
 
+use std::path::Path;
 use std::process::Command;
 
 /// Standard output of an example, which holds finite numbers only.
@@ -110,4 +111,52 @@ fn own_emitter_hangs_as_deep_as_a_beam() {
     assert!(off[1] < 0.3 * off[0], "{text}");
     assert!(off[2] < 0.3 * off[1], "{text}");
     assert!((0.0..0.005).contains(&off[2]), "{text}");
+}
+
+#[test]
+fn a_soliton_of_a_law_of_ones_own_is_as_in_closed_form() {
+    let text = output("toda_soliton");
+    let after = |words: &str| -> Vec<f64> {
+        let (_, rest) = text.split_once(words).expect("a line of it");
+        let line = rest.lines().next().unwrap_or_default();
+        let words = line.split_whitespace();
+        words.filter_map(|word| word.parse().ok()).collect()
+    };
+    // β/κ and mβ²/b with β = √(ab/m) sinh κ; frames are 0.1 s apart.
+    let (a, b, mass, kappa): (f64, f64, f64, f64) = (2.0, 1.5, 1.2, 0.6);
+    let beta = (a * b / mass).sqrt() * kappa.sinh();
+    for (words, allowed) in [("closed form:", 1e-4), ("found:", 5e-3)] {
+        let [speed, height] = after(words)[..] else {
+            panic!("{text}");
+        };
+        assert!((speed * kappa / beta - 1.0).abs() < allowed, "{text}");
+        assert!(
+            (height * b / (mass * beta * beta) - 1.0).abs() < allowed,
+            "{text}"
+        );
+    }
+    for (method, order) in [("velocity-verlet", 2), ("tr-bdf2", 2)] {
+        let [coarse, fine] = ["0.1", "0.05"].map(|step| {
+            let off = after(&format!("{method}, step {step} s: off by"));
+            off[0]
+        });
+        assert!(
+            fine < 1e-2 && (coarse / fine).log2() > f64::from(order) - 0.1,
+            "{text}"
+        );
+    }
+    assert!(
+        after("blanes-moan4, step 0.05 s: off by")[0] < 1e-6,
+        "{text}"
+    );
+    let picture = Path::new(env!("CARGO_MANIFEST_DIR")).join("target/toda-soliton/probes.svg");
+    let drawn = std::fs::read_to_string(picture).unwrap();
+    for part in [
+        "soliton of the Toda chain",
+        "spring 20",
+        "spring 50",
+        "tension (N)",
+    ] {
+        assert!(drawn.contains(part), "{part}");
+    }
 }

@@ -1,6 +1,7 @@
 //! Springs in scene files as engineers give them: what they come to, and that it reads
 //! back to the same bits.
 
+use springs::assembly::compile;
 use springs::io::{SceneError, parse_scene, parse_scene_with_inputs, scene_to_string};
 use springs::scene::{RunOptions, Scene, Spring, SpringLaw};
 use std::f64::consts::PI;
@@ -232,4 +233,31 @@ fn everything_wrong_is_told_at_once() {
         "loads[0].nodes",
     ];
     assert_eq!(paths, expected);
+}
+
+/// Small pretensions of springs that only pull or push lie within their blend: the scene has
+/// them all the same.
+#[test]
+fn pretension_within_a_blend_is_what_the_spring_has() {
+    let stiffnesses = ["EA: 5.2e5", "stiffness: 2.6e5"];
+    for (law, tensions) in [
+        ("TensionOnly(blend: 1e-3)", [500.0, 0.5, 519.9, 520.1]),
+        ("CompressionOnly(blend: 0.1)", [-500.0, -0.5, -519.9, -4e4]),
+    ] {
+        for (stiffness, tension) in stiffnesses.iter().flat_map(|k| tensions.map(|t| (k, t))) {
+            let text = format!(
+                "Scene(version: 1, nodes: [(position: (0, 0, 0), fixed: true), \
+                 (position: (0, 0, 2), mass: 1)], springs: [(nodes: (0, 1), {stiffness}, \
+                 law: {law}, pretension: {tension:?})])"
+            );
+            let (scene, _) = parse_scene("wire.ron", &text).unwrap();
+            let system = compile(&scene).unwrap();
+            let mut found = Vec::new();
+            let x = system.initial_positions();
+            system.each_tension(x, None, &mut |_, tension| found.push(tension));
+            let off = (found[0] - tension).abs();
+            // Rounding of lengths of 2 m.
+            assert!(off < 1e-9, "{law}, {stiffness}: {found:?}, not {tension}");
+        }
+    }
 }

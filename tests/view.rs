@@ -238,6 +238,7 @@ fn torn() -> Scene {
         spring.law = (k % 3 == 0 && spring.stiffness > 1.0).then_some(0);
     }
     scene.loads = vec![Load {
+        name: String::new(),
         nodes: vec![0, 24, 12],
         force: Vector3::new(0.0, 0.0, -2.0),
         over_time: OverTime::Ramp { from: 0.1, to: 0.3 },

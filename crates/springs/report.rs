@@ -3,11 +3,11 @@
 use crate::inspect::skipped;
 use springs_assembly::Energy;
 use springs_io::{
-    EnergyReport, EnergySum, FailureReport, FrameEnergies, IslandReport, Report, SavingReport,
-    SecondsReport, StepRow, SwitchReport, TrialsReport,
+    EnergyReport, EnergySum, FailureReport, FrameEnergies, IslandReport, LoadWorkReport, Report,
+    SavingReport, SecondsReport, StepRow, SupportWorkReport, SwitchReport, TrialsReport,
 };
-use springs_scene::Scene;
-use springs_step::{Account, Islands, Outcome, Pace, Part, StepError, StepRecord};
+use springs_scene::{Load, Scene};
+use springs_step::{Account, Islands, Outcome, Pace, Part, StepError, StepRecord, SupportWork};
 use std::time::Duration;
 
 /// How a run ended.
@@ -187,7 +187,7 @@ pub fn report(
             solve: phases.solve.as_secs_f64(),
             output: timings.output.as_secs_f64(),
         },
-        energy: energy(islands, turned_over),
+        energy: energy(scene, islands, turned_over),
         peak_memory_bytes: peak_memory_bytes(),
         failure: match ending {
             Ending::Failed(error) => Some(failure(error)),
@@ -228,15 +228,33 @@ fn switches(islands: &Islands) -> Vec<SwitchReport> {
     reports.collect()
 }
 
-fn energy(islands: &Islands, mut turned_over: TurnedOver) -> EnergyReport {
-    let (ledger, end) = (islands.ledger(), islands.energy());
+fn energy(scene: &Scene, islands: &Islands, mut turned_over: TurnedOver) -> EnergyReport {
+    let (ledger, end, works) = (islands.ledger(), islands.energy(), islands.works());
     turned_over.look(&islands.account());
+    let support = |support: &SupportWork| {
+        let motion = scene.nodes[support.node].motion;
+        SupportWorkReport {
+            node: support.node,
+            motion: motion.map(|motion| scene.motions[motion].name.clone()),
+            work: support.work,
+        }
+    };
+    let load = |(index, (load, &work)): (usize, (&Load, &f64))| LoadWorkReport {
+        load: index,
+        name: load.name.clone(),
+        first_node: load.nodes.first().copied(),
+        nodes: load.nodes.len(),
+        work,
+    };
+    let loads = scene.loads.iter().zip(&works.loads).enumerate();
     EnergyReport {
         start: energy_sum(&ledger.start),
         end: energy_sum(&end),
         anchor_work: ledger.anchor_work,
+        supports: works.supports.iter().map(support).collect(),
         dashpot_heat: ledger.heat.sum(),
         load_work: ledger.load_work,
+        loads: loads.map(load).collect(),
         broken_energy: ledger.broken_energy,
         method_gain: ledger.method_gain(&end),
         turned_over: turned_over.0,

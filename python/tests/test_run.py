@@ -51,6 +51,18 @@ class Runs(unittest.TestCase):
         self.assertEqual(r.report["energy"]["method_gain"], e["method"][-1])
         self.assertEqual(r.status, "finished")
 
+    def test_loads_have_works_of_their_own(self):
+        s = sp.Scene()
+        s.nodes(np.zeros((2, 3)), mass=2.0)
+        s.load(0, [3.0, 0.0, 0.0], name="tug")
+        s.load([0, 1], [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]], times=[0.0, 1.0])
+        r = s.run(1.0, tolerance=1e-8)
+        tug, ramp = r.report["energy"]["loads"]
+        self.assertEqual((tug["name"], tug["nodes"], ramp["nodes"]), ("tug", 1, 2))
+        # F²t²/2m, and twice ∫ t·t²/2m dt.
+        self.assertAlmostEqual(tug["work"], 9 / 4, places=6)
+        self.assertAlmostEqual(ramp["work"], 2 / 16, places=6)
+
     def test_a_run_starts_where_another_one_ended(self):
         s = net()
         first = s.run(0.5, step=0.01)

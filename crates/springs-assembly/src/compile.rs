@@ -4,7 +4,6 @@ use crate::drag::Drag;
 use crate::elements::{Element, PointMasses, SpringMasses};
 use crate::gravity::Gravity;
 use crate::laws::{fading, springs_that_break, springs_with_laws};
-use crate::loads::SceneLoad;
 use crate::springs::Merged;
 use crate::system::Couplings;
 use crate::{
@@ -110,7 +109,7 @@ pub fn compile_with(scene: &Scene, compilation: Compilation) -> Result<System, C
     let mut dashpots = dashpots_of(scene, (is_complete, may_change));
     dashpots.number(&numbering);
     let gravity = Gravity::new(&scene.gravity, &masses);
-    let mut loads = loads_of(scene);
+    let mut loads = Loads::of_scene(scene);
     if may_change {
         loads = loads.with_set_forces(scene.nodes.len());
     }
@@ -188,20 +187,6 @@ fn springs_of(scene: &Scene, (is_complete, may_change): (bool, bool)) -> Springs
     });
     let springs: Vec<_> = springs.collect();
     Springs::of_scene(&springs, index, parts)
-}
-
-fn loads_of(scene: &Scene) -> Loads<SceneLoad> {
-    let each = scene.loads.iter().flat_map(|load| {
-        let on = |&node: &usize| {
-            let load = SceneLoad {
-                force: load.force,
-                over_time: load.over_time.clone(),
-            };
-            (node, load)
-        };
-        load.nodes.iter().map(on)
-    });
-    Loads::new("loads", each)
 }
 
 /// The springs that have a damping, or may come to one; those between the same two nodes

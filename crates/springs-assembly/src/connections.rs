@@ -19,6 +19,7 @@ pub(crate) struct Connections {
     runs: Vec<Run>,
     interior: usize,
     anchored: usize,
+    first_fixed: usize,
 }
 
 /// Where the ends of a connection are.
@@ -37,6 +38,7 @@ impl Connections {
         Self {
             interior: 0,
             anchored: 0,
+            first_fixed: 0,
             pairs: Vec::new(),
             runs: Vec::new(),
             ends,
@@ -66,6 +68,7 @@ impl Connections {
         let interior = &mut order[..self.interior];
         self.runs = run::bring_to_front(interior, &self.ends, numbering.n_free());
         self.ends = order.iter().map(|&index| self.ends[index]).collect();
+        self.first_fixed = numbering.n_free();
         order
     }
 
@@ -134,10 +137,37 @@ impl Connections {
         }
     }
 
-    /// The second end: of an anchored connection, its fixed node.
-    #[inline(always)]
-    pub(crate) fn second(&self, connection: usize, x: &[Vector3<f64>]) -> Vector3<f64> {
-        x[self.ends[connection][1] as usize]
+    /// Adds what the fixed end of each anchored connection gives against the force on its
+    /// free end, or against the impulse, at the velocities `v` of all blocks; `works` are
+    /// those of the fixed blocks.
+    pub(crate) fn add_anchor_works(
+        &self,
+        force: impl Fn(usize) -> Vector3<f64>,
+        v: &[Vector3<f64>],
+        works: &mut [f64],
+    ) {
+        for index in self.anchored() {
+            let anchor = self.ends[index][1] as usize;
+            works[anchor - self.first_fixed] += force(index).dot(&v[anchor]);
+        }
+    }
+
+    /// How far its ends go from one state to another.
+    pub(crate) fn ways(
+        &self,
+        connection: usize,
+        start: &[Vector3<f64>],
+        end: &[Vector3<f64>],
+    ) -> [Vector3<f64>; 2] {
+        self.ends[connection].map(|block| end[block as usize] - start[block as usize])
+    }
+
+    /// Adds a number for each end of one between fixed blocks to `sums`, which are those of
+    /// the fixed blocks.
+    pub(crate) fn add_to_fixed(&self, connection: usize, numbers: [f64; 2], sums: &mut [f64]) {
+        for (&block, number) in self.ends[connection].iter().zip(numbers) {
+            sums[block as usize - self.first_fixed] += number;
+        }
     }
 
     /// x₁ − x₀, or the same of velocities.

@@ -1,10 +1,10 @@
 //! Dashpots along springs as emitters.
 
+use crate::anchor_works::share_out;
 use crate::connections::Connections;
 use crate::matrix::{OffDiagonal, PairBlocks};
 use crate::{
-    BetweenFixed, Emitter, Evaluation, Linearization, Nature, Numbering, PACKED, SpringNumbers,
-    StiffnessKind,
+    Emitter, Evaluation, Linearization, Nature, Numbering, PACKED, SpringNumbers, StiffnessKind,
 };
 use nalgebra::{Matrix3, Vector3};
 use springs_math::Separation;
@@ -279,21 +279,44 @@ impl Emitter for Dashpots {
         self.connections.live().map(heat).sum()
     }
 
-    fn damping_anchor_power(&self, x: &[Vector3<f64>], v: &[Vector3<f64>]) -> f64 {
-        let power = |index| -> f64 {
-            let force = self.force(index, x, v);
-            force.dot(&self.connections.second(index, v))
-        };
-        self.connections.anchored().map(power).sum()
+    fn add_damping_anchor_works(
+        &self,
+        h: f64,
+        x: &[Vector3<f64>],
+        v: &[Vector3<f64>],
+        works: &mut [f64],
+    ) {
+        let force = |index| self.force(index, x, v) * h;
+        self.connections.add_anchor_works(force, v, works);
     }
 
     /// All the work becomes heat.
-    fn between_fixed(&self, start: &[Vector3<f64>], end: &[Vector3<f64>], h: f64) -> BetweenFixed {
-        let heat = |index| {
+    fn add_works_between_fixed(
+        &self,
+        start: &[Vector3<f64>],
+        end: &[Vector3<f64>],
+        h: f64,
+        works: &mut [f64],
+    ) -> f64 {
+        let mut total = 0.0;
+        for index in self.connections.between_fixed() {
+            let ways = self.connections.ways(index, start, end);
+            if ways == [Vector3::zeros(); 2] {
+                continue;
+            }
             let ends = [start, end].map(|x| self.connections.difference(index, x));
-            self.heat_of_passage(index, ends, h)
-        };
-        let heat = self.connections.between_fixed().map(heat).sum();
-        BetweenFixed { work: heat, heat }
+            let heat = self.heat_of_passage(index, ends, h);
+            let velocity = (ways[1] - ways[0]) / h;
+            let forces = |place: f64| {
+                let separation = Separation::of(&ends[0].lerp(&ends[1], place));
+                let (Dashpot { damping }, _) = self.acting(index, || separation.length);
+                let force = separation.direction * (damping * separation.direction.dot(&velocity));
+                [force, -force]
+            };
+            let shares = share_out(heat, ways, forces);
+            self.connections.add_to_fixed(index, shares, works);
+            total += heat;
+        }
+        total
     }
 }

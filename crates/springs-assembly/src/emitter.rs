@@ -42,11 +42,24 @@ pub trait Emitter: Send + Sync {
     /// Adds the forces that depend on positions alone, in N: −∂V/∂x.
     fn add_forces(&self, x: &[Vector3<f64>], forces: &mut [Vector3<f64>]);
 
-    /// Adds the forces that depend on nothing but time, in N: loads. `time` in s.
-    fn add_loads(&self, _time: f64, _forces: &mut [Vector3<f64>]) {}
+    /// Adds the forces that depend on nothing but time, in N: loads, on free blocks. `time`
+    /// in s.
+    fn add_loads(&self, time: f64, forces: &mut [Vector3<f64>]) {
+        self.each_load(time, &mut |_, block, force| forces[block] += force);
+    }
 
-    /// Adds what loads change by with time, in N/s.
-    fn add_load_rates(&self, _time: f64, _rates: &mut [Vector3<f64>]) {}
+    /// How many loads there are, of one or more forces each, whose work is booked one by
+    /// one; none, or a single one, if it does not say.
+    fn n_loads(&self) -> usize {
+        usize::from(self.nature().is_load)
+    }
+
+    /// Hands over every force of a load on a free block, in N, with its load, counted
+    /// from 0, and its block: always in the same order.
+    fn each_load(&self, _time: f64, _visit: &mut dyn FnMut(usize, usize, &Vector3<f64>)) {}
+
+    /// The same of what forces change by with time, in N/s.
+    fn each_load_rate(&self, _time: f64, _visit: &mut dyn FnMut(usize, usize, &Vector3<f64>)) {}
 
     /// Adds the forces that depend on velocities, in N: those that damp.
     fn add_damping_forces(
@@ -91,33 +104,49 @@ pub trait Emitter: Send + Sync {
         0.0
     }
 
-    /// Power, in W, that moving anchors give against its forces on them that depend
-    /// on positions alone: −Σ f·v over the fixed blocks.
-    fn anchor_power(&self, _x: &[Vector3<f64>], _v: &[Vector3<f64>]) -> f64 {
-        0.0
+    /// Adds to `works`, in J, what each fixed block gives in a time `h`, in s, against its
+    /// forces that depend on positions alone: −h f·v, in the order of the fixed blocks.
+    fn add_anchor_works(
+        &self,
+        _h: f64,
+        _x: &[Vector3<f64>],
+        _v: &[Vector3<f64>],
+        _works: &mut [f64],
+    ) {
     }
 
     /// The same against its damping forces.
-    fn damping_anchor_power(&self, _x: &[Vector3<f64>], _v: &[Vector3<f64>]) -> f64 {
-        0.0
+    fn add_damping_anchor_works(
+        &self,
+        _h: f64,
+        _x: &[Vector3<f64>],
+        _v: &[Vector3<f64>],
+        _works: &mut [f64],
+    ) {
     }
 
-    /// What [`Self::anchor_power`] changes by, in W, when all blocks move on by `y`,
-    /// in m, and forces change as linearized at `at`, without its damping:
-    /// Σ v·(`stiffness`·H y) over the fixed blocks.
-    fn anchor_power_change(&self, _at: &Evaluation<'_>, _y: &[Vector3<f64>]) -> f64 {
-        0.0
+    /// Adds what [`Self::add_anchor_works`] in a time of 1 s changes by when all blocks move
+    /// on by `y`, in m, and forces change as linearized at `at`, without its damping:
+    /// v·(`stiffness`·H y) of each fixed block.
+    fn add_anchor_work_changes(
+        &self,
+        _at: &Evaluation<'_>,
+        _y: &[Vector3<f64>],
+        _works: &mut [f64],
+    ) {
     }
 
-    /// Work that anchors do between each other, and the heat that becomes of it, when
-    /// they go from `start` to `end` at constant velocities in a time `h`, in s.
-    fn between_fixed(
+    /// Adds the work that each fixed block does against others, in J, when they go from
+    /// `start` to `end` at constant velocities in a time `h`, in s, and gives the heat that
+    /// becomes of it, in J.
+    fn add_works_between_fixed(
         &self,
         _start: &[Vector3<f64>],
         _end: &[Vector3<f64>],
         _h: f64,
-    ) -> BetweenFixed {
-        BetweenFixed::default()
+        _works: &mut [f64],
+    ) -> f64 {
+        0.0
     }
 
     /// How many numbers a method may carry from step to step for it, such as a tension
@@ -302,15 +331,6 @@ pub enum StiffnessKind {
     ConstantAlongLines,
     /// Any.
     Variable,
-}
-
-/// What passes between fixed blocks, in J.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct BetweenFixed {
-    /// Work of the anchors.
-    pub work: f64,
-    /// Heat, which is part of it.
-    pub heat: f64,
 }
 
 /// What changed for good at the end of a step.

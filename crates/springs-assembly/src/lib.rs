@@ -30,6 +30,7 @@
 //! # Ok::<(), springs_assembly::CompileError>(())
 //! ```
 
+mod anchor_works;
 mod compile;
 mod connections;
 mod dashpots;
@@ -56,8 +57,8 @@ pub use dashpots::Dashpots;
 pub use dofs::Numbering;
 pub use elements::{Element, PointMasses, SpringMasses};
 pub use emitter::{
-    BetweenFixed, BrokenSpring, Emitter, Evaluation, MemoryUpdate, Nature, Notable, Projection,
-    SpringNumbers, StiffnessKind, Strained, Weights,
+    BrokenSpring, Emitter, Evaluation, MemoryUpdate, Nature, Notable, Projection, SpringNumbers,
+    StiffnessKind, Strained, Weights,
 };
 pub use energy::{Energy, Lines};
 pub use loads::{History, Loads};

@@ -2,7 +2,7 @@
 
 use crate::{Emitter, Evaluation, Linearization, Nature, Numbering, StiffnessKind};
 use nalgebra::Vector3;
-use springs_scene::OverTime;
+use springs_scene::{OverTime, Scene};
 
 /// A force over time.
 pub trait History: Send + Sync {
@@ -18,6 +18,9 @@ pub trait History: Send + Sync {
 pub struct Loads<H> {
     name: String,
     histories: Vec<H>,
+    /// The load that each is a force of.
+    loads: Vec<u32>,
+    n_loads: usize,
     /// Nodes of the scene until they are numbered; then blocks.
     blocks: Vec<u32>,
     n_free: usize,
@@ -42,22 +45,53 @@ impl History for SceneLoad {
     }
 }
 
+impl Loads<SceneLoad> {
+    /// Those of a scene.
+    pub(crate) fn of_scene(scene: &Scene) -> Self {
+        let mut all = Self::new("loads", []);
+        for load in &scene.loads {
+            all.add_load(load.nodes.iter().map(|&node| {
+                let history = SceneLoad {
+                    force: load.force,
+                    over_time: load.over_time.clone(),
+                };
+                (node, history)
+            }));
+        }
+        all
+    }
+}
+
 impl<H: History> Loads<H> {
-    /// Loads on nodes of a scene.
+    /// Loads on nodes of a scene, each of a single force.
     pub fn new(name: &str, loads: impl IntoIterator<Item = (usize, H)>) -> Self {
-        let loads = loads.into_iter();
-        let (blocks, histories) = loads.map(|(node, history)| (node as u32, history)).unzip();
-        Self {
+        let mut all = Self {
             name: name.to_owned(),
-            histories,
-            blocks,
+            histories: Vec::new(),
+            loads: Vec::new(),
+            n_loads: 0,
+            blocks: Vec::new(),
             n_free: 0,
             set: Vec::new(),
+        };
+        for load in loads {
+            all.add_load([load]);
         }
+        all
+    }
+
+    /// Adds a load of some forces.
+    fn add_load(&mut self, forces: impl IntoIterator<Item = (usize, H)>) {
+        for (node, history) in forces {
+            self.histories.push(history);
+            self.loads.push(self.n_loads as u32);
+            self.blocks.push(node as u32);
+        }
+        self.n_loads += 1;
     }
 
     /// With forces on all of `n_nodes` nodes that are [set](Emitter::set_forces) between
-    /// steps, none so far.
+    /// steps, none so far; they are one more load.
     pub(crate) fn with_set_forces(self, n_nodes: usize) -> Self {
         Self {
             set: vec![Vector3::zeros(); n_nodes],
@@ -69,11 +103,16 @@ impl<H: History> Loads<H> {
         self.histories.is_empty() && self.set.is_empty()
     }
 
-    /// Adds a vector for each load on a free block.
-    fn add(&self, of: impl Fn(&H) -> Vector3<f64>, sums: &mut [Vector3<f64>]) {
-        for (history, &block) in self.histories.iter().zip(&self.blocks) {
+    /// Hands over a vector for each force on a free block.
+    fn each(
+        &self,
+        of: impl Fn(&H) -> Vector3<f64>,
+        mut visit: impl FnMut(usize, usize, &Vector3<f64>),
+    ) {
+        for (index, &block) in self.blocks.iter().enumerate() {
             if (block as usize) < self.n_free {
-                sums[block as usize] += of(history);
+                let load = self.loads[index] as usize;
+                visit(load, block as usize, &of(&self.histories[index]));
             }
         }
     }
@@ -116,7 +155,8 @@ impl<H: History> Emitter for Loads<H> {
     fn add_forces(&self, _x: &[Vector3<f64>], _forces: &mut [Vector3<f64>]) {}
 
     fn add_loads(&self, time: f64, forces: &mut [Vector3<f64>]) {
-        self.add(|history| history.force(time), forces);
+        let of = |history: &H| history.force(time);
+        self.each(of, |_, block, force| forces[block] += force);
         add_each(&self.set, &mut forces[..self.n_free]);
     }
 
@@ -131,8 +171,19 @@ impl<H: History> Emitter for Loads<H> {
         self.set.copy_from_slice(forces);
     }
 
-    fn add_load_rates(&self, time: f64, rates: &mut [Vector3<f64>]) {
-        self.add(|history| history.rate(time), rates);
+    fn n_loads(&self) -> usize {
+        self.n_loads + usize::from(!self.set.is_empty())
+    }
+
+    fn each_load(&self, time: f64, visit: &mut dyn FnMut(usize, usize, &Vector3<f64>)) {
+        self.each(|history| history.force(time), &mut *visit);
+        for (block, force) in self.set.iter().take(self.n_free).enumerate() {
+            visit(self.n_loads, block, force);
+        }
+    }
+
+    fn each_load_rate(&self, time: f64, visit: &mut dyn FnMut(usize, usize, &Vector3<f64>)) {
+        self.each(|history| history.rate(time), &mut *visit);
     }
 
     fn linearize(&self, _at: &Evaluation<'_>, _out: &mut Linearization) {}

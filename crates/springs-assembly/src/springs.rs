@@ -1,11 +1,12 @@
 //! Springs as emitters.
 
+use crate::anchor_works::share_out;
 use crate::connections::Connections;
 use crate::linear_runs::LinearRuns;
 use crate::matrix::{OffDiagonal, PairBlocks, times};
 use crate::{
-    BetweenFixed, BrokenSpring, Emitter, Evaluation, Linearization, MemoryUpdate, Nature, Notable,
-    Numbering, Projection, SpringNumbers, StiffnessKind, Strained,
+    BrokenSpring, Emitter, Evaluation, Linearization, MemoryUpdate, Nature, Notable, Numbering,
+    Projection, SpringNumbers, StiffnessKind, Strained,
 };
 use nalgebra::Vector3;
 use springs_math::Separation;
@@ -404,42 +405,53 @@ impl<L: LengthLaw + Clone + Send + Sync> Emitter for Springs<L> {
         self.connections.add_to_ends(stiffnesses, bounds);
     }
 
-    fn anchor_power(&self, x: &[Vector3<f64>], v: &[Vector3<f64>]) -> f64 {
-        let power = |index| -> f64 { self.force(index, x).dot(&self.connections.second(index, v)) };
-        self.connections.anchored().map(power).sum()
+    fn add_anchor_works(&self, h: f64, x: &[Vector3<f64>], v: &[Vector3<f64>], works: &mut [f64]) {
+        let force = |index| self.force(index, x) * h;
+        self.connections.add_anchor_works(force, v, works);
     }
 
-    fn anchor_power_change(&self, at: &Evaluation<'_>, y: &[Vector3<f64>]) -> f64 {
-        let change = |index| -> f64 {
-            let force = times(
-                &self.block(index, at),
-                &self.connections.difference(index, y),
-            );
-            force.dot(&self.connections.second(index, at.v))
+    fn add_anchor_work_changes(&self, at: &Evaluation<'_>, y: &[Vector3<f64>], works: &mut [f64]) {
+        let force = |index| {
+            let difference = self.connections.difference(index, y);
+            times(&self.block(index, at), &difference) * at.weights.stiffness
         };
-        let sum: f64 = self.connections.anchored().map(change).sum();
-        at.weights.stiffness * sum
+        self.connections.add_anchor_works(force, at.v, works);
     }
 
-    /// Σ (T₀ + T₁)/2·(l₁ − l₀), which for the linear law is the exact change of
+    /// (T₀ + T₁)/2·(l₁ − l₀) of each, which for the linear law is the exact change of
     /// energy, without the rounding of a difference of energies.
-    fn between_fixed(&self, start: &[Vector3<f64>], end: &[Vector3<f64>], _h: f64) -> BetweenFixed {
+    fn add_works_between_fixed(
+        &self,
+        start: &[Vector3<f64>],
+        end: &[Vector3<f64>],
+        _h: f64,
+        works: &mut [f64],
+    ) -> f64 {
         let is_linear = self.stiffness != StiffnessKind::Variable;
-        let work = |index| {
-            if !is_linear {
-                return self.energy_of(index, end) - self.energy_of(index, start);
+        for index in self.connections.between_fixed() {
+            let ways = self.connections.ways(index, start, end);
+            if ways == [Vector3::zeros(); 2] {
+                continue;
             }
             let [before, after] = [start, end].map(|x| self.connections.difference(index, x));
-            let [(t0, l0), (t1, l1)] = [start, end].map(|x| self.tension_and_length(index, x));
-            // l₁² − l₀² over l₁ + l₀, without the rounding of a difference of lengths.
-            let stretch =
-                (after - before).dot(&(after + before)) / (l0 + l1).max(f64::MIN_POSITIVE);
-            0.5 * (t0 + t1) * stretch
-        };
-        BetweenFixed {
-            work: self.connections.between_fixed().map(work).sum(),
-            heat: 0.0,
+            let work = if is_linear {
+                let [(t0, l0), (t1, l1)] = [start, end].map(|x| self.tension_and_length(index, x));
+                // l₁² − l₀² over l₁ + l₀, without the rounding of a difference of lengths.
+                let stretch =
+                    (after - before).dot(&(after + before)) / (l0 + l1).max(f64::MIN_POSITIVE);
+                0.5 * (t0 + t1) * stretch
+            } else {
+                self.energy_of(index, end) - self.energy_of(index, start)
+            };
+            let forces = |place: f64| {
+                let dx = before.lerp(&after, place);
+                let force = spring::force(&self.laws[index], &Vector3::zeros(), &dx);
+                [force, -force]
+            };
+            let shares = share_out(work, ways, forces);
+            self.connections.add_to_fixed(index, shares, works);
         }
+        0.0
     }
 
     fn n_carried(&self) -> usize {

@@ -278,10 +278,38 @@ impl System {
         self.guides.project(forces);
     }
 
+    /// How many loads there are: those of the scene, in its order, then forces that may be
+    /// [set](Self::set_forces), then those of other emitters.
+    pub fn n_loads(&self) -> usize {
+        self.loads().map(Emitter::n_loads).sum()
+    }
+
+    /// Hands over every force of a load on a free block at a time in s, in N, with its load
+    /// and its block: always in the same order. It is not projected onto guides.
+    pub fn each_load(&self, time: f64, mut visit: impl FnMut(usize, usize, &Vector3<f64>)) {
+        let mut first = 0;
+        for emitter in self.loads() {
+            emitter.each_load(time, &mut |load, block, force| {
+                visit(first + load, block, force);
+            });
+            first += emitter.n_loads();
+        }
+    }
+
+    /// The same of what they change by with time, in N/s.
+    pub fn each_load_rate(&self, time: f64, mut visit: impl FnMut(usize, usize, &Vector3<f64>)) {
+        let mut first = 0;
+        for emitter in self.loads() {
+            emitter.each_load_rate(time, &mut |load, block, rate| {
+                visit(first + load, block, rate);
+            });
+            first += emitter.n_loads();
+        }
+    }
+
     /// Adds what they change by with time, in N/s.
     pub fn add_load_rates(&self, time: f64, rates: &mut [Vector3<f64>]) {
-        self.loads()
-            .for_each(|emitter| emitter.add_load_rates(time, rates));
+        self.each_load_rate(time, |_, block, rate| rates[block] += rate);
         self.guides.project(rates);
     }
 

@@ -1,8 +1,7 @@
 //! Emitters from kernels of single terms.
 
-use crate::{
-    BetweenFixed, Emitter, Evaluation, Linearization, Nature, Numbering, Projection, StiffnessKind,
-};
+use crate::anchor_works::share_out;
+use crate::{Emitter, Evaluation, Linearization, Nature, Numbering, Projection, StiffnessKind};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
 /// An energy and a damping of N nodes: the kernel of a term, without indices.
@@ -105,17 +104,18 @@ impl<const N: usize, T: Term<N>> Terms<N, T> {
         stencil.map(|block| values[block as usize])
     }
 
-    /// −Σ f·v over the fixed blocks of a stencil.
-    fn power_of_fixed(
+    /// Adds −h f·v of each fixed block of a stencil.
+    fn add_works_of_fixed(
         &self,
-        stencil: &[u32; N],
-        forces: [Vector3<f64>; N],
+        (stencil, forces): (&[u32; N], [Vector3<f64>; N]),
+        h: f64,
         v: &[Vector3<f64>],
-    ) -> f64 {
+        works: &mut [f64],
+    ) {
         let fixed = stencil.iter().zip(forces);
-        let fixed = fixed.filter(|(block, _)| !self.is_free(**block));
-        let powers = fixed.map(|(&block, f)| f.dot(&v[block as usize]));
-        -powers.sum::<f64>()
+        for (&block, force) in fixed.filter(|(block, _)| !self.is_free(**block)) {
+            works[(block - self.n_free) as usize] -= h * force.dot(&v[block as usize]);
+        }
     }
 
     /// `damping`·D + `stiffness`·H of a term.
@@ -351,43 +351,61 @@ impl<const N: usize, T: Term<N>> Emitter for Terms<N, T> {
         damped.map(heat).sum()
     }
 
-    fn anchor_power(&self, x: &[Vector3<f64>], v: &[Vector3<f64>]) -> f64 {
-        let power = |(term, stencil): (&T, &[u32; N])| {
-            self.power_of_fixed(stencil, term.forces(&Self::of(stencil, x)), v)
-        };
-        self.live().map(power).sum()
+    fn add_anchor_works(&self, h: f64, x: &[Vector3<f64>], v: &[Vector3<f64>], works: &mut [f64]) {
+        for (term, stencil) in self.live() {
+            let forces = term.forces(&Self::of(stencil, x));
+            self.add_works_of_fixed((stencil, forces), h, v, works);
+        }
     }
 
-    fn damping_anchor_power(&self, x: &[Vector3<f64>], v: &[Vector3<f64>]) -> f64 {
-        let power = |(term, stencil): (&T, &[u32; N])| {
+    fn add_damping_anchor_works(
+        &self,
+        h: f64,
+        x: &[Vector3<f64>],
+        v: &[Vector3<f64>],
+        works: &mut [f64],
+    ) {
+        for (term, stencil) in self.live().filter(|(term, _)| term.is_damped()) {
             let forces = term.damping_forces(&Self::of(stencil, x), &Self::of(stencil, v));
-            self.power_of_fixed(stencil, forces, v)
-        };
-        let damped = self.live().filter(|(term, _)| term.is_damped());
-        damped.map(power).sum()
+            self.add_works_of_fixed((stencil, forces), h, v, works);
+        }
     }
 
-    fn anchor_power_change(&self, at: &Evaluation<'_>, y: &[Vector3<f64>]) -> f64 {
-        let mut change = 0.0;
+    fn add_anchor_work_changes(&self, at: &Evaluation<'_>, y: &[Vector3<f64>], works: &mut [f64]) {
         for (term, stencil) in self.live() {
             let hessian = term.hessian(&Self::of(stencil, at.x));
-            for (i, &row) in stencil.iter().enumerate() {
-                for (j, &column) in stencil.iter().enumerate() {
-                    if !self.is_free(row) {
-                        let force = hessian[i][j] * y[column as usize];
-                        change += force.dot(&at.v[row as usize]);
-                    }
-                }
-            }
+            let forces = hessian.map(|row| {
+                let products = row.iter().zip(stencil);
+                let sum: Vector3<f64> = products.map(|(h, &block)| h * y[block as usize]).sum();
+                -sum
+            });
+            let weight = at.weights.stiffness;
+            self.add_works_of_fixed((stencil, forces), weight, at.v, works);
         }
-        at.weights.stiffness * change
     }
 
-    fn between_fixed(&self, start: &[Vector3<f64>], end: &[Vector3<f64>], _h: f64) -> BetweenFixed {
-        let fixed = |x| self.energy(x) - self.energy_on_free_blocks(x);
-        BetweenFixed {
-            work: fixed(end) - fixed(start),
-            heat: 0.0,
+    /// Of terms on fixed blocks alone, the work is the change of their energy.
+    fn add_works_between_fixed(
+        &self,
+        start: &[Vector3<f64>],
+        end: &[Vector3<f64>],
+        _h: f64,
+        works: &mut [f64],
+    ) -> f64 {
+        let is_between = |(_, stencil): &(&T, &[u32; N])| {
+            let is_fixed = stencil.iter().all(|&block| !self.is_free(block));
+            is_fixed && Self::of(stencil, start) != Self::of(stencil, end)
+        };
+        for (term, stencil) in self.all().filter(is_between) {
+            let (start, end) = (Self::of(stencil, start), Self::of(stencil, end));
+            let ways = std::array::from_fn(|node| end[node] - start[node]);
+            let at = |place: f64| std::array::from_fn(|node| start[node].lerp(&end[node], place));
+            let work = term.energy(&end) - term.energy(&start);
+            let shares = share_out(work, ways, |place| term.forces(&at(place)));
+            for (&block, share) in stencil.iter().zip(shares) {
+                works[(block - self.n_free) as usize] += share;
+            }
         }
+        0.0
     }
 }

@@ -68,8 +68,8 @@ pub use point_cache::PointCache;
 pub use probes::{PROBES, Probes};
 pub use read::{Finding, SceneError, parse_scene, parse_scene_with_inputs, read_scene, read_text};
 pub use report::{
-    EnergyReport, EnergySum, FailureReport, IslandReport, Report, SavingReport, SecondsReport,
-    SwitchReport, TrialsReport, write_report,
+    EnergyReport, EnergySum, FailureReport, IslandReport, LoadWorkReport, Report, SavingReport,
+    SecondsReport, SupportWorkReport, SwitchReport, TrialsReport, write_report,
 };
 pub use sink::{
     FrameEnergies, FrameMembers, Mark, ProbeSamples, ResumeSink, RunEnd, RunPlan, Sink, SinkKind,

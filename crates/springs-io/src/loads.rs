@@ -5,7 +5,7 @@ use crate::motions::vector;
 use crate::read::{Findings, find_named};
 use crate::scene_file::{List, NodeIndex, NodesEntry, Real, Tuple};
 use crate::springs::masses_of;
-use crate::write::{number, pairs, tuple};
+use crate::write::{number, pairs, quoted, tuple};
 use serde::Deserialize;
 use springs_scene::{Load, OverTime, Path as ScenePath, Scene, out_of_order, printable};
 use std::collections::BTreeMap;
@@ -13,6 +13,8 @@ use std::collections::BTreeMap;
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields, rename = "Load")]
 pub(crate) struct LoadEntry {
+    /// For people; that of the group, if it is left out.
+    pub(crate) name: Option<String>,
     pub(crate) nodes: NodesEntry,
     pub(crate) force: Tuple<3, Real>,
     #[serde(default)]
@@ -105,7 +107,12 @@ pub(crate) fn load(
     findings: &mut Findings<'_>,
 ) -> Load {
     let path = ScenePath::Load(index, Some("nodes"));
+    let name = entry.name.unwrap_or_else(|| match &entry.nodes {
+        NodesEntry::Indices(_) => String::new(),
+        NodesEntry::Group(name) => name.clone(),
+    });
     Load {
+        name,
         nodes: groups.nodes(entry.nodes, path, findings),
         force: vector(entry.force),
         over_time: over_time(
@@ -170,7 +177,7 @@ pub(crate) fn add_fields(
             of_mass.entry(mass.to_bits()).or_default().push(index);
         }
     }
-    for entry in entries {
+    for (index, entry) in entries.into_iter().enumerate() {
         let acceleration = vector(entry.acceleration);
         let over_time = over_time(entry.over_time, path, file, findings);
         if matches!(&over_time, OverTime::Table(points) if points.is_empty()) {
@@ -188,6 +195,7 @@ pub(crate) fn add_fields(
         }
         for (mass, nodes) in &of_mass {
             scene.loads.push(Load {
+                name: format!("field {index}"),
                 nodes: nodes.clone(),
                 force: acceleration * f64::from_bits(*mass),
                 over_time: over_time.clone(),
@@ -215,5 +223,10 @@ pub(crate) fn load_text(load: &Load) -> String {
         OverTime::Table(points) => format!(", over_time: Table([{}])", pairs(points)),
     };
     let (nodes, force) = (nodes.join(", "), tuple(&load.force));
-    format!("nodes: [{nodes}], force: {force}{over_time}")
+    let name = if load.name.is_empty() {
+        String::new()
+    } else {
+        format!("name: {}, ", quoted(&load.name))
+    };
+    format!("{name}nodes: [{nodes}], force: {force}{over_time}")
 }

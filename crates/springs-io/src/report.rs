@@ -166,7 +166,7 @@ pub struct SecondsReport {
 
 /// Energy in J: end = start + anchor_work + load_work − dashpot_heat − broken_energy +
 /// method_gain.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct EnergyReport {
     /// At time 0.
     pub start: EnergySum,
@@ -174,10 +174,16 @@ pub struct EnergyReport {
     pub end: EnergySum,
     /// Work of moving anchors.
     pub anchor_work: f64,
+    /// That of each of them.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub supports: Vec<SupportWorkReport>,
     /// Heat of dashpots and drag.
     pub dashpot_heat: f64,
     /// Work of loads.
     pub load_work: f64,
+    /// That of each of them.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub loads: Vec<LoadWorkReport>,
     /// What broken springs held when they broke, and the work of yielding.
     pub broken_energy: f64,
     /// The rest: gain of the method itself, negative for a loss. Heat and work
@@ -187,6 +193,34 @@ pub struct EnergyReport {
     /// What moved: the most that was kinetic, had gone into or out of springs or
     /// gravity, or was heat or work, as far as it was looked at on the way.
     pub turned_over: f64,
+}
+
+/// Work of a fixed node that moves.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SupportWorkReport {
+    /// The node.
+    pub node: usize,
+    /// The name of its motion, if it follows one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub motion: Option<String>,
+    /// In J.
+    pub work: f64,
+}
+
+/// Work of a load.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LoadWorkReport {
+    /// Its index; fields come after the loads of the file.
+    pub load: usize,
+    /// Its name, or that of its group of nodes, if it has one.
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub name: String,
+    /// Its first node.
+    pub first_node: Option<usize>,
+    /// The nodes that it acts on.
+    pub nodes: usize,
+    /// In J.
+    pub work: f64,
 }
 
 /// Mechanical energy, in J.

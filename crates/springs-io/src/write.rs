@@ -209,7 +209,7 @@ pub fn write_scene(path: &Path, scene: &Scene, options: &RunOptions) -> Result<(
     draft.finish()
 }
 
-fn quoted(name: &str) -> String {
+pub(crate) fn quoted(name: &str) -> String {
     ron::to_string(name).expect("a string")
 }
 

@@ -274,19 +274,21 @@ impl PyScene {
 
     /// A force in N on each of some nodes (an index, indices or a mask): `force` (3,), or
     /// (m, 3) at the `times` (m,) in s, with straight lines between and constant before
-    /// and after.
-    #[pyo3(signature = (nodes, force, times=None))]
+    /// and after. `name` is for people and stands in the report.
+    #[pyo3(signature = (nodes, force, times=None, *, name=""))]
     fn load(
         &mut self,
         nodes: &Bound<'_, PyAny>,
         force: &Bound<'_, PyAny>,
         times: Option<&Bound<'_, PyAny>>,
+        name: &str,
     ) -> PyResult<()> {
         let nodes = some_nodes(nodes, self.scene.nodes.len())?;
         let force = Floats::new("force", force)?;
         let Some(times) = times else {
             let force = force.vector()?;
             self.scene.loads.push(Load {
+                name: name.to_owned(),
                 nodes,
                 force,
                 over_time: OverTime::Constant,
@@ -304,6 +306,7 @@ impl PyScene {
             let mut direction = Vector3::zeros();
             direction[axis] = 1.0;
             self.scene.loads.push(Load {
+                name: name.to_owned(),
                 nodes: nodes.clone(),
                 force: direction,
                 over_time: OverTime::Table(

@@ -95,13 +95,21 @@ impl Scene {
         });
         let mut springs: Vec<crate::Spring> = springs.collect();
         let laws = self.laws_of(&mut springs);
+        let loads = self.loads_on(island).into_iter().map(|load| {
+            let nodes = self.loads[load].nodes.iter();
+            let here = nodes.filter_map(|node| island.nodes.binary_search(node).ok());
+            crate::Load {
+                nodes: here.collect(),
+                ..self.loads[load].clone()
+            }
+        });
         Self {
             name: self.name.clone(),
             gravity: self.gravity,
             nodes: island.nodes.iter().map(|&node| self.nodes[node]).collect(),
             springs,
             laws,
-            loads: self.loads_on(&island.nodes),
+            loads: loads.collect(),
             motions: self.motions.clone(),
             drag: self.drag,
             damping: self.damping,
@@ -123,20 +131,11 @@ impl Scene {
         used.into_iter().map(|law| self.laws[law].clone()).collect()
     }
 
-    /// The loads on some of the nodes, ascending, by their places among these.
-    fn loads_on(&self, nodes: &[usize]) -> Vec<crate::Load> {
-        let here = |load: &crate::Load| {
-            let places = load
-                .nodes
-                .iter()
-                .filter_map(|node| nodes.binary_search(node).ok());
-            let nodes: Vec<usize> = places.collect();
-            (!nodes.is_empty()).then(|| crate::Load {
-                nodes,
-                ..load.clone()
-            })
-        };
-        self.loads.iter().filter_map(here).collect()
+    /// The loads that act on nodes of an island: their indices, ascending.
+    pub fn loads_on(&self, island: &Island) -> Vec<usize> {
+        let is_there = |node: &usize| island.nodes.binary_search(node).is_ok();
+        let acts = |load: &usize| self.loads[*load].nodes.iter().any(is_there);
+        (0..self.loads.len()).filter(acts).collect()
     }
 }
 

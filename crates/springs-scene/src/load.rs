@@ -6,6 +6,8 @@ use std::f64::consts::TAU;
 /// A force on each of some nodes, wherever they are.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Load {
+    /// A name for people; may be empty.
+    pub name: String,
     /// Indices of the nodes, from 0.
     pub nodes: Vec<usize>,
     /// On each of them, in N.

@@ -400,9 +400,11 @@ impl Problem {
             Self::OtherStiffness { .. } => Some("leave the stiffness out"),
             Self::MovesFreely { .. } => Some("write fixed: true, or leave the motion out"),
             Self::EmptyMotion { .. } => Some("give it a point (time, (x, y, z)), or leave it out"),
-            Self::MotionNotInOrder { .. } | Self::NotInOrder { .. } => {
-                Some("each time must be later than the one before")
-            }
+            Self::MotionNotInOrder { .. } => Some("each time must be later than the one before"),
+            Self::NotInOrder { .. } => Some(
+                "each time must be later than the one before; a load that jumps rises within a \
+                 short time",
+            ),
             Self::EmptyTable { .. } => Some("give it a point (time, factor), or leave it out"),
             Self::FixedAndGuided { .. } => Some("leave out one of fixed and slides"),
             Self::NoGuide {

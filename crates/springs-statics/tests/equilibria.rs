@@ -230,6 +230,7 @@ fn loads_are_those_of_time_zero_and_damping_does_nothing() {
     scene.springs[0].damping = 5.0;
     scene.drag = 3.0;
     scene.loads = vec![Load {
+        name: String::new(),
         nodes: vec![1],
         force: DOWN * 10.0,
         over_time: OverTime::Table(vec![[0.0, 0.5], [1.0, 7.0]]),

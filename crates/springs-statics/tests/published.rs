@@ -15,6 +15,7 @@ fn stable(scene: &Scene) -> Equilibrium {
 
 fn load(node: usize, force: Vector3<f64>) -> Load {
     Load {
+        name: String::new(),
         nodes: vec![node],
         force,
         over_time: OverTime::Constant,

@@ -145,6 +145,7 @@ fn paths_need_loads_and_may_be_straight() {
     let error = trace(&scene, 10, &Options::default()).unwrap_err();
     assert!(matches!(error, StaticsError::NoLoads));
     scene.loads = vec![Load {
+        name: String::new(),
         nodes: vec![1],
         force: Vector3::x() * 20.0,
         over_time: OverTime::Constant,

@@ -133,6 +133,17 @@ impl Archive {
         reals.iter_mut().for_each(|real| self.finite(real));
     }
 
+    /// Finite numbers, `n` of them or none.
+    pub(crate) fn reals_or_none(&mut self, reals: &mut Vec<f64>, n: usize) {
+        let mut are_there = !reals.is_empty();
+        self.flag(&mut are_there);
+        if self.is_loading() {
+            reals.clear();
+            reals.resize(if are_there { n } else { 0 }, 0.0);
+        }
+        reals.iter_mut().for_each(|real| self.finite(real));
+    }
+
     /// Finite vectors; there must be as many when they are loaded.
     pub fn vectors(&mut self, vectors: &mut [Vector3<f64>]) {
         self.length(vectors.len());

@@ -1,75 +1,131 @@
-//! What dashpots and moving anchors take and give in a step.
+//! What dashpots, moving anchors and loads take and give in a step.
 
 use crate::{Archive, State};
 use nalgebra::Vector3;
 use springs_assembly::{Lines, System};
-use std::ops::{Add, AddAssign};
+
+/// Work of each anchor and each load of a [`System`], in J.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct BlockWorks {
+    /// Of each fixed block, in their order; empty as long as none moves.
+    pub anchors: Vec<f64>,
+    /// Of each load ([`System::n_loads`]); empty as long as there is none.
+    pub loads: Vec<f64>,
+}
+
+impl BlockWorks {
+    pub(crate) fn clear(&mut self) {
+        self.anchors.fill(0.0);
+        self.loads.fill(0.0);
+    }
+
+    pub(crate) fn copy_from(&mut self, other: &Self) {
+        self.anchors.clone_from(&other.anchors);
+        self.loads.clone_from(&other.loads);
+    }
+
+    /// Adds those of others, times a factor.
+    pub(crate) fn add_times(&mut self, other: &Self, factor: f64) {
+        add_times(&mut self.anchors, &other.anchors, factor);
+        add_times(&mut self.loads, &other.loads, factor);
+    }
+
+    pub(crate) fn scale(&mut self, factor: f64) {
+        let all = self.anchors.iter_mut().chain(&mut self.loads);
+        all.for_each(|work| *work *= factor);
+    }
+
+    /// Room for the anchors of a system.
+    pub(crate) fn with_anchors(&mut self, system: &System) -> &mut [f64] {
+        let n_fixed = system.numbering().n_nodes() - system.n_free();
+        self.anchors.resize(n_fixed, 0.0);
+        &mut self.anchors
+    }
+
+    /// Room for its loads.
+    pub(crate) fn with_loads(&mut self, system: &System) -> &mut [f64] {
+        self.loads.resize(system.n_loads(), 0.0);
+        &mut self.loads
+    }
+
+    pub(crate) fn archive(&mut self, system: &System, archive: &mut Archive) {
+        let n_fixed = system.numbering().n_nodes() - system.n_free();
+        archive.reals_or_none(&mut self.anchors, n_fixed);
+        archive.reals_or_none(&mut self.loads, system.n_loads());
+    }
+}
+
+/// Adds numbers times a factor to as many others; to none as if these were zero.
+fn add_times(sums: &mut Vec<f64>, numbers: &[f64], factor: f64) {
+    if sums.len() < numbers.len() {
+        sums.resize(numbers.len(), 0.0);
+    }
+    for (sum, number) in sums.iter_mut().zip(numbers) {
+        *sum += number * factor;
+    }
+}
 
 /// Energy that left or entered in a step, in J, through what acts on free nodes.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Flows {
     /// Heat produced by the damping forces of each emitter.
     pub heat: Lines,
-    /// Work done by moving anchors.
-    pub anchor_work: f64,
-    /// Work done by loads.
-    pub load_work: f64,
-}
-
-impl Add for Flows {
-    type Output = Self;
-
-    fn add(self, other: Self) -> Self {
-        Self {
-            heat: self.heat + other.heat,
-            anchor_work: self.anchor_work + other.anchor_work,
-            load_work: self.load_work + other.load_work,
-        }
-    }
-}
-
-impl AddAssign for Flows {
-    fn add_assign(&mut self, other: Self) {
-        *self = *self + other;
-    }
+    /// Work done by moving anchors and loads.
+    pub works: BlockWorks,
 }
 
 impl Flows {
-    /// Heat and anchor power at one instant, in W; next to nothing to compute in
-    /// scenes without damping and moving anchors.
-    pub(crate) fn powers(
+    /// Work done by moving anchors.
+    pub fn anchor_work(&self) -> f64 {
+        self.works.anchors.iter().sum()
+    }
+
+    /// Work done by loads.
+    pub fn load_work(&self) -> f64 {
+        self.works.loads.iter().sum()
+    }
+
+    pub(crate) fn clear(&mut self) {
+        self.heat = Lines::default();
+        self.works.clear();
+    }
+
+    pub(crate) fn copy_from(&mut self, other: &Self) {
+        self.heat = other.heat;
+        self.works.copy_from(&other.works);
+    }
+
+    pub(crate) fn add(&mut self, other: &Self) {
+        self.heat += other.heat;
+        self.works.add_times(&other.works, 1.0);
+    }
+
+    /// Adds what flows at one instant in a time `h`, in s; next to nothing to compute in
+    /// scenes without damping, moving anchors and loads.
+    pub(crate) fn add_powers(
+        &mut self,
         system: &System,
+        h: f64,
         time: f64,
-        x: &[Vector3<f64>],
-        v: &[Vector3<f64>],
-    ) -> Self {
-        let load_work = if system.has_loads() {
-            let mut loads = vec![Vector3::zeros(); system.n_free()];
-            system.add_loads(time, &mut loads);
-            work_on(&loads, v)
-        } else {
-            0.0
-        };
-        Self {
-            heat: system.dissipation(x, v),
-            anchor_work: system.anchor_power(x, v) + system.damping_anchor_power(x, v),
-            load_work,
+        (x, v): (&[Vector3<f64>], &[Vector3<f64>]),
+    ) {
+        self.heat += system.dissipation(x, v) * h;
+        if system.any_anchor_moves(v) {
+            let anchors = self.works.with_anchors(system);
+            system.add_anchor_works(h, x, v, anchors);
+            system.add_damping_anchor_works(h, x, v, anchors);
+        }
+        if system.has_loads() {
+            let loads = self.works.with_loads(system);
+            system.each_load(time, |load, block, force| {
+                loads[load] += h * force.dot(&v[block]);
+            });
         }
     }
 
-    pub(crate) fn archive(&mut self, archive: &mut Archive) {
+    pub(crate) fn archive(&mut self, system: &System, archive: &mut Archive) {
         self.heat.iter_mut().for_each(|heat| archive.real(heat));
-        archive.real(&mut self.anchor_work);
-        archive.real(&mut self.load_work);
-    }
-
-    /// The same flows at another rate, or over another time.
-    pub(crate) fn times(self, factor: f64) -> Self {
-        Self {
-            heat: self.heat * factor,
-            anchor_work: self.anchor_work * factor,
-            load_work: self.load_work * factor,
-        }
+        self.works.archive(system, archive);
     }
 
     /// By the trapezoidal rule for forces: for methods that do not say.
@@ -79,61 +135,60 @@ impl Flows {
         impulses.begin(system, &before.v);
         impulses.add(system, half, before.time, &before.x, &before.v);
         impulses.add(system, half, before.time + h, &after.x, &after.v);
-        impulses.flows(system, &after.v)
+        impulses.finish(system, &after.v);
+        impulses.flows
     }
 
     /// The part of the flows of a step up to a fraction of it, by the cubic that
     /// has the powers at both ends as its slopes. Where the step does not resolve
     /// what flows, the powers are limited so that the cubic is monotone (Fritsch
     /// and Carlson, SIAM J. Numer. Anal. 17, 1980).
-    pub(crate) fn part(
-        self,
-        system: &System,
-        [before, after]: [&State; 2],
-        h: f64,
-        fraction: f64,
-    ) -> Self {
-        let powers = |at: &State| Self::powers(system, at.time, &at.x, &at.v).times(h);
-        let [start, end] = [before, after].map(powers);
+    pub(crate) fn part(&self, system: &System, ends: [&State; 2], h: f64, fraction: f64) -> Self {
+        let [start, end] = ends.map(|at| {
+            let mut powers = Self::default();
+            powers.add_powers(system, h, at.time, (&at.x, &at.v));
+            powers
+        });
         let cubic = |total: f64, start: f64, end: f64| {
             let limited = |slope: f64| slope.clamp(total.min(0.0) * 3.0, total.max(0.0) * 3.0);
             let (s, rest) = (fraction, 1.0 - fraction);
             let slopes = rest * limited(start) - s * limited(end);
             s * s * (3.0 - 2.0 * s) * total + s * rest * slopes
         };
+        let cubics = |totals: &[f64], start: &[f64], end: &[f64]| -> Vec<f64> {
+            // None stands for zeros.
+            let at = |numbers: &[f64], index: usize| numbers.get(index).copied().unwrap_or(0.0);
+            let totals = totals.iter().enumerate();
+            let parts = totals.map(|(k, &total)| cubic(total, at(start, k), at(end, k)));
+            parts.collect()
+        };
         let mut heat = self.heat;
         for (line, heat) in heat.iter_mut().enumerate() {
             *heat = cubic(*heat, start.heat[line], end.heat[line]);
         }
+        let [works, start, end] = [&self.works, &start.works, &end.works];
         Self {
             heat,
-            anchor_work: cubic(self.anchor_work, start.anchor_work, end.anchor_work),
-            load_work: cubic(self.load_work, start.load_work, end.load_work),
+            works: BlockWorks {
+                anchors: cubics(&works.anchors, &start.anchors, &end.anchors),
+                loads: cubics(&works.loads, &start.loads, &end.loads),
+            },
         }
     }
 
-    /// Those of what joins two fixed nodes, which no method moves: exact.
-    pub(crate) fn between_fixed(
+    /// Adds those of what joins two fixed nodes, which no method moves: exact.
+    pub(crate) fn add_between_fixed(
+        &mut self,
         system: &System,
         before: &[Vector3<f64>],
         after: &State,
         h: f64,
-    ) -> Self {
-        if !system.any_anchor_moves(&after.v) {
-            return Self::default();
-        }
-        let (heat, anchor_work) = system.between_fixed(before, &after.x, h);
-        Self {
-            heat,
-            anchor_work,
-            load_work: 0.0,
+    ) {
+        if system.any_anchor_moves(&after.v) {
+            let works = self.works.with_anchors(system);
+            self.heat += system.add_works_between_fixed(before, &after.x, h, works);
         }
     }
-}
-
-/// Σ f·v.
-pub(crate) fn work_on(forces: &[Vector3<f64>], v: &[Vector3<f64>]) -> f64 {
-    forces.iter().zip(v).map(|(f, v)| f.dot(v)).sum()
 }
 
 /// The impulses that a method gives in a step, and what follows from them.
@@ -150,14 +205,13 @@ pub(crate) struct Impulses {
     start: Vec<Vector3<f64>>,
     /// Of the damping forces of each damped emitter on all blocks, in N·s.
     damping: Vec<Damping>,
-    /// Of loads on the free blocks, in N·s; empty without any.
-    loads: Vec<Vector3<f64>>,
-    /// Forces of one emitter on all blocks, in N.
+    /// Of each force that loads bring, in their order.
+    loads: Vec<LoadImpulse>,
+    /// Forces of one emitter on all blocks, in N, where anything is damped.
     forces: Vec<Vector3<f64>>,
-    /// Work of anchors against other forces, in J.
-    work: f64,
-    /// Work of loads that was added kick by kick, in J.
-    work_of_loads: f64,
+    /// Of the step: works of anchors, and of loads kick by kick, as far as they are added;
+    /// all of them when it is [finished](Self::finish).
+    flows: Flows,
     anchors_move: bool,
 }
 
@@ -167,30 +221,40 @@ struct Damping {
     impulses: Vec<Vector3<f64>>,
 }
 
+/// The impulse of a load on a block.
+struct LoadImpulse {
+    load: u32,
+    block: u32,
+    /// In N·s.
+    impulse: Vector3<f64>,
+}
+
 impl Impulses {
     pub(crate) fn new(system: &System) -> Self {
-        let n_blocks = if system.is_damped() || system.has_loads() {
-            system.numbering().n_nodes()
-        } else {
-            0
-        };
-        let zeros = vec![Vector3::zeros(); n_blocks];
-        let n_loaded = if system.has_loads() {
-            system.n_free()
-        } else {
-            0
+        let zeros = |are_needed: bool| {
+            let n_blocks = system.numbering().n_nodes();
+            vec![Vector3::zeros(); if are_needed { n_blocks } else { 0 }]
         };
         let damping = system.damped().map(|(line, _)| Damping {
             line,
-            impulses: zeros.clone(),
+            impulses: zeros(true),
         });
+        let mut loads = Vec::new();
+        system.each_load(0.0, |load, block, _| {
+            loads.push(LoadImpulse {
+                load: load as u32,
+                block: block as u32,
+                impulse: Vector3::zeros(),
+            });
+        });
+        let mut flows = Flows::default();
+        flows.works.with_loads(system);
         Self {
             damping: damping.collect(),
-            start: zeros.clone(),
-            loads: vec![Vector3::zeros(); n_loaded],
-            forces: zeros,
-            work: 0.0,
-            work_of_loads: 0.0,
+            start: zeros(system.is_damped() || !loads.is_empty()),
+            loads,
+            forces: zeros(system.is_damped()),
+            flows,
             anchors_move: false,
         }
     }
@@ -199,12 +263,13 @@ impl Impulses {
     pub(crate) fn begin(&mut self, system: &System, v: &[Vector3<f64>]) {
         let n_blocks = self.start.len();
         self.start.copy_from_slice(&v[..n_blocks]);
-        self.loads.fill(Vector3::zeros());
+        for load in &mut self.loads {
+            load.impulse = Vector3::zeros();
+        }
         for damping in &mut self.damping {
             damping.impulses.fill(Vector3::zeros());
         }
-        self.work = 0.0;
-        self.work_of_loads = 0.0;
+        self.flows.clear();
         self.anchors_move = system.any_anchor_moves(v);
     }
 
@@ -236,7 +301,7 @@ impl Impulses {
     ) {
         self.add_damping(system, weight, x, v);
         if self.anchors_move {
-            self.add_anchor_work(weight * system.anchor_power(x, v));
+            system.add_anchor_works(weight, x, v, self.anchor_works(system));
         }
     }
 
@@ -265,12 +330,12 @@ impl Impulses {
         if self.loads.is_empty() {
             return;
         }
-        let forces = &mut self.forces[..self.loads.len()];
-        forces.fill(Vector3::zeros());
-        system.add_loads(time, forces);
-        for (impulse, force) in self.loads.iter_mut().zip(forces) {
-            *impulse += *force * weight;
-        }
+        let mut loads = self.loads.iter_mut();
+        system.each_load(time, |_, _, force| {
+            if let Some(load) = loads.next() {
+                load.impulse += force * weight;
+            }
+        });
     }
 
     /// The work of loads at a time in s during a kick of `weight` in s by the
@@ -285,44 +350,41 @@ impl Impulses {
         if self.loads.is_empty() {
             return;
         }
-        let forces = &mut self.forces[..self.loads.len()];
-        forces.fill(Vector3::zeros());
-        system.add_loads(time, forces);
-        let half = 0.5 * weight;
-        for (force, (v, a)) in forces.iter().zip(v.iter().zip(a)) {
-            self.work_of_loads += weight * force.dot(&(v + a * half));
+        let (half, works) = (0.5 * weight, &mut self.flows.works.loads);
+        system.each_load(time, |load, block, force| {
+            works[load] += weight * force.dot(&(v[block] + a[block] * half));
+        });
+    }
+
+    /// Works of anchors against forces that depend on positions alone, in J, to be added to:
+    /// one for each fixed block.
+    pub(crate) fn anchor_works(&mut self, system: &System) -> &mut [f64] {
+        self.flows.works.with_anchors(system)
+    }
+
+    /// The step ended with the velocities `v`.
+    pub(crate) fn finish(&mut self, system: &System, v: &[Vector3<f64>]) {
+        let mean = |block: usize| (self.start[block] + v[block]) * 0.5;
+        let works = &mut self.flows.works;
+        for load in &self.loads {
+            works.loads[load.load as usize] += load.impulse.dot(&mean(load.block as usize));
         }
-    }
-
-    /// Work of anchors against forces that depend on positions alone, in J.
-    pub(crate) fn add_anchor_work(&mut self, work: f64) {
-        self.work += work;
-    }
-
-    /// The flows of the step, which ended with the velocities `v`.
-    pub(crate) fn flows(&self, system: &System, v: &[Vector3<f64>]) -> Flows {
         let n_free = system.n_free();
-        let mut flows = Flows {
-            heat: Lines::default(),
-            anchor_work: self.work,
-            load_work: self.work_of_loads,
-        };
-        for (impulse, (before, after)) in self.loads.iter().zip(self.start.iter().zip(v)) {
-            flows.load_work += 0.5 * impulse.dot(&(before + after));
-        }
         for Damping { line, impulses } in &self.damping {
-            let mut taken = 0.0;
-            for (impulse, (before, after)) in impulses.iter().zip(self.start.iter().zip(v)) {
-                taken -= 0.5 * impulse.dot(&(before + after));
-            }
-            flows.heat[*line] = taken;
+            let blocks = impulses.iter().enumerate();
+            let taken = blocks.clone().map(|(k, impulse)| -impulse.dot(&mean(k)));
+            self.flows.heat[*line] = taken.sum();
             if self.anchors_move {
-                let fixed = impulses.iter().zip(self.start.iter().zip(v)).skip(n_free);
-                for (impulse, (before, after)) in fixed {
-                    flows.anchor_work -= 0.5 * impulse.dot(&(before + after));
+                let anchors = works.with_anchors(system).iter_mut();
+                for (work, (k, impulse)) in anchors.zip(blocks.skip(n_free)) {
+                    *work -= impulse.dot(&mean(k));
                 }
             }
         }
-        flows
+    }
+
+    /// Those of the last step.
+    pub(crate) fn flows(&self) -> &Flows {
+        &self.flows
     }
 }

@@ -1,5 +1,6 @@
 //! Where the energy went.
 
+use crate::flows::BlockWorks;
 use crate::{Archive, Flows, State};
 use springs_assembly::{Energy, Lines, System};
 
@@ -35,10 +36,10 @@ impl Ledger {
     }
 
     /// Enters flows.
-    pub fn record(&mut self, flows: Flows) {
+    pub fn record(&mut self, flows: &Flows) {
         self.heat += flows.heat;
-        self.anchor_work += flows.anchor_work;
-        self.load_work += flows.load_work;
+        self.anchor_work += flows.anchor_work();
+        self.load_work += flows.load_work();
     }
 
     /// The flows of steps; the start is that of the scene.
@@ -66,5 +67,36 @@ impl Ledger {
     pub fn method_gain(&self, end: &Energy) -> f64 {
         let taken = self.heat.sum() - self.anchor_work - self.load_work + self.broken_energy;
         end.total() - self.start.total() + (taken - self.control_work)
+    }
+}
+
+/// The ledger, and the work of each anchor and load in it.
+#[derive(Clone, Debug)]
+pub(crate) struct Books {
+    pub(crate) ledger: Ledger,
+    pub(crate) works: BlockWorks,
+}
+
+impl Books {
+    pub(crate) fn open(system: &System, state: &State) -> Self {
+        Self {
+            ledger: Ledger::open(system, state),
+            works: BlockWorks::default(),
+        }
+    }
+
+    pub(crate) fn record(&mut self, flows: &Flows) {
+        self.ledger.record(flows);
+        self.works.add_times(&flows.works, 1.0);
+    }
+
+    pub(crate) fn copy_from(&mut self, other: &Self) {
+        self.ledger = other.ledger;
+        self.works.copy_from(&other.works);
+    }
+
+    pub(crate) fn archive(&mut self, system: &System, archive: &mut Archive) {
+        self.ledger.archive(archive);
+        self.works.archive(system, archive);
     }
 }

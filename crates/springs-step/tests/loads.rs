@@ -19,6 +19,7 @@ fn driven(damping: f64, frequency: f64) -> Scene {
     let spring = scene.add_spring(anchor, mass, 50.0);
     scene.springs[spring].damping = damping;
     scene.loads.push(Load {
+        name: String::new(),
         nodes: vec![mass],
         force: Vector3::new(0.3, 0.0, 0.0),
         over_time: OverTime::Sine {
@@ -121,6 +122,7 @@ fn the_ledger_closes_and_skipping_changes_nothing() {
         });
         scene.add_spring(anchor, mass, 80.0);
         scene.loads.push(Load {
+            name: String::new(),
             nodes: vec![mass, anchor],
             force: Vector3::new(0.0, 1.0, 0.0),
             over_time,
@@ -218,6 +220,7 @@ fn pushed_late(over_time: OverTime) -> Scene {
     let spring = scene.add_spring(0, 1, 200.0);
     scene.springs[spring].rest_length = 1.0;
     scene.loads.push(Load {
+        name: String::new(),
         nodes: vec![1],
         force: Vector3::new(4000.0, 0.0, 0.0),
         over_time,
@@ -276,5 +279,45 @@ fn the_work_of_loads_is_that_of_every_stage() {
             gain.abs() < allowed * moved,
             "{method}: {gain:e} of {moved} J"
         );
+    }
+}
+
+/// A load that jumps is one that rises within a moment: steps that are chosen from the error
+/// end at both times, and none of them sees the jump within. Force F from T on gives
+/// x = F (t − T)²/2m.
+#[test]
+fn a_load_that_rises_within_a_moment_is_met_exactly() {
+    let (mass, force, jump) = (2.0, 3.0, 0.5);
+    let mut scene = Scene::default();
+    scene.add_node(Node {
+        mass,
+        ..Node::at(Vector3::zeros())
+    });
+    scene.loads.push(Load {
+        name: String::new(),
+        nodes: vec![0],
+        force: Vector3::x() * force,
+        over_time: OverTime::Table(vec![[jump, 0.0], [jump + 1e-9, 1.0]]),
+    });
+    scene.settings.step = StepControl::Tolerance(1e-7);
+    for method in [
+        Method::TrBdf2,
+        Method::VelocityVerlet,
+        Method::BlanesMoan4,
+        Method::BlanesMoan6,
+        Method::Dop853,
+        Method::Rodas4,
+    ] {
+        scene.settings.method = method;
+        let mut simulation = Simulation::new(&scene).unwrap();
+        simulation.run(1, &mut ()).unwrap();
+        let (x, steps) = (
+            simulation.nodes().positions[0].x,
+            simulation.stepper().steps(),
+        );
+        let expected = force * (1.0 - jump).powi(2) / (2.0 * mass);
+        // What is missing of the force within the moment.
+        assert!((x - expected).abs() < 1e-9, "{method}: {x} m");
+        assert!(steps < 20, "{method}: {steps} steps");
     }
 }

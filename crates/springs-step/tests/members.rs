@@ -192,6 +192,7 @@ fn supported() -> Scene {
     scene.nodes[last].guide = Some(Guide::Along(Vector3::new(0.0, 3.0, 4.0)));
     scene.nodes[20].fixed = true;
     scene.loads.push(Load {
+        name: String::new(),
         nodes: vec![20],
         force: Vector3::new(1.0, 2.0, 3.0),
         over_time: OverTime::Constant,

@@ -94,6 +94,7 @@ fn between_rails() -> Scene {
         scene.nodes[node].velocity = Vector3::zeros();
     }
     scene.loads.push(Load {
+        name: String::new(),
         nodes: vec![2, 4],
         force: Vector3::new(0.4, 0.2, -0.3),
         over_time: OverTime::Sine {

@@ -184,6 +184,7 @@ mod tests {
         assert!(plain.contains(">fixed<") && plain.contains(">held in part<"));
         assert!(!plain.contains("load") && !plain.contains("broken"));
         scene.loads.push(Load {
+            name: String::new(),
             nodes: vec![0, 1],
             force: Vector3::new(0.0, 0.0, -3.0),
             over_time: OverTime::Ramp { from: 0.0, to: 2.0 },

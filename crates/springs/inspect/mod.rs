@@ -8,6 +8,7 @@
 //!
 //! let mut scene = cloth(8, Material::of_cloth());
 //! scene.loads.push(Load {
+//!     name: String::new(),
 //!     nodes: vec![],
 //!     force: Vector3::z(),
 //!     over_time: OverTime::Constant,
@@ -168,11 +169,13 @@ mod tests {
         scene.add_node(Node::fixed(Vector3::y()));
         scene.loads = vec![
             Load {
+                name: String::new(),
                 nodes: vec![0, 1, 1],
                 force: Vector3::z(),
                 over_time: OverTime::Constant,
             },
             Load {
+                name: String::new(),
                 nodes: vec![],
                 force: Vector3::z(),
                 over_time: OverTime::Constant,

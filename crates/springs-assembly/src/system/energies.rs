@@ -14,7 +14,7 @@ impl System {
     }
 
     /// A number for each emitter.
-    fn lines(&self, of: impl Fn(&dyn Emitter) -> f64) -> Lines {
+    fn lines(&self, mut of: impl FnMut(&dyn Emitter) -> f64) -> Lines {
         let mut lines = Lines::default();
         for (line, emitter) in lines.iter_mut().zip(self.emitters()) {
             *line = of(emitter);
@@ -75,26 +75,32 @@ impl System {
         !self.prescribed.is_empty() || v[self.n_free()..].iter().any(|v| *v != Vector3::zeros())
     }
 
-    /// Power, in W, that moving anchors give against forces that do not depend on
-    /// velocities. What they do between each other is [`Self::between_fixed`].
-    pub fn anchor_power(&self, x: &[Vector3<f64>], v: &[Vector3<f64>]) -> f64 {
-        if !self.any_anchor_moves(v) {
-            return 0.0;
+    /// Adds to `works`, in J, what each fixed block gives in a time `h`, in s, against
+    /// forces on it that do not depend on velocities: one entry for each, in their order.
+    /// What they do between each other is [`Self::add_works_between_fixed`].
+    pub fn add_anchor_works(
+        &self,
+        h: f64,
+        x: &[Vector3<f64>],
+        v: &[Vector3<f64>],
+        works: &mut [f64],
+    ) {
+        for emitter in self.emitters() {
+            emitter.add_anchor_works(h, x, v, works);
         }
-        self.emitters()
-            .map(|emitter| emitter.anchor_power(x, v))
-            .sum()
     }
 
     /// The same against damping forces.
-    pub fn damping_anchor_power(&self, x: &[Vector3<f64>], v: &[Vector3<f64>]) -> f64 {
-        if !self.any_anchor_moves(v) {
-            return 0.0;
+    pub fn add_damping_anchor_works(
+        &self,
+        h: f64,
+        x: &[Vector3<f64>],
+        v: &[Vector3<f64>],
+        works: &mut [f64],
+    ) {
+        for (_, emitter) in self.damped() {
+            emitter.add_damping_anchor_works(h, x, v, works);
         }
-        let damped = self.damped();
-        damped
-            .map(|(_, emitter)| emitter.damping_anchor_power(x, v))
-            .sum()
     }
 
     /// Hands over the tension, in N, of each spring of the scene that has a stiffness,
@@ -177,30 +183,28 @@ impl System {
         forces
     }
 
-    /// What [`Self::anchor_power`] changes by, in W, when all blocks move on by `y`,
-    /// in m, and forces change as linearized at `at`, without its damping.
-    pub fn anchor_power_change(&self, at: &Evaluation<'_>, y: &[Vector3<f64>]) -> f64 {
-        let mut change = 0.0;
+    /// Adds what [`Self::add_anchor_works`] in a time of 1 s changes by when all blocks move
+    /// on by `y`, in m, and forces change as linearized at `at`, without its damping.
+    pub fn add_anchor_work_changes(
+        &self,
+        at: &Evaluation<'_>,
+        y: &[Vector3<f64>],
+        works: &mut [f64],
+    ) {
         self.each_with_carried(at, |_, emitter, at| {
-            change += emitter.anchor_power_change(at, y)
+            emitter.add_anchor_work_changes(at, y, works);
         });
-        change
     }
 
-    /// What anchors do between each other when they go from `start` to `end` at
-    /// constant velocities in a time `h`, in s: heat by emitter, and work, in J.
-    pub fn between_fixed(
+    /// Adds the work of each fixed block against others, in J, when they go from `start` to
+    /// `end` at constant velocities in a time `h`, in s; gives the heat of each emitter, in J.
+    pub fn add_works_between_fixed(
         &self,
         start: &[Vector3<f64>],
         end: &[Vector3<f64>],
         h: f64,
-    ) -> (Lines, f64) {
-        let (mut heat, mut work) = (Lines::default(), 0.0);
-        for (line, emitter) in heat.iter_mut().zip(self.emitters()) {
-            let between = emitter.between_fixed(start, end, h);
-            *line = between.heat;
-            work += between.work;
-        }
-        (heat, work)
+        works: &mut [f64],
+    ) -> Lines {
+        self.lines(|emitter| emitter.add_works_between_fixed(start, end, h, works))
     }
 }

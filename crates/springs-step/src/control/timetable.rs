@@ -15,7 +15,7 @@ pub(crate) struct Timetable {
 /// A period has at least so many steps.
 const STEPS_OF_A_PERIOD: f64 = 4.0;
 /// Kinks closer than this part of the duration are one.
-const CLOSE: f64 = 1e-9;
+const CLOSE: f64 = 1e-12;
 /// Trial runs begin with no more steps than this.
 const MOST_STEPS: f64 = 16384.0;
 

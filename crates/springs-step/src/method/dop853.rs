@@ -78,13 +78,16 @@ impl Dop853 {
     }
 }
 
-/// What a stage at a state adds to the flows of a step.
-fn flows_of(stage: usize, interval: Interval, system: &System, state: &State) -> Flows {
+/// Adds what a stage at a state adds to the flows of a step.
+fn add_flows(flows: &mut Flows, stage: usize, interval: Interval, system: &System, at: &State) {
     let h = interval.size;
-    let time = interval.start + C[stage] * h;
-    match B.iter().find(|(index, _)| *index == stage) {
-        Some((_, weight)) => Flows::powers(system, time, &state.x, &state.v).times(weight * h),
-        None => Flows::default(),
+    if let Some((_, weight)) = B.iter().find(|(index, _)| *index == stage) {
+        flows.add_powers(
+            system,
+            weight * h,
+            interval.start + C[stage] * h,
+            (&at.x, &at.v),
+        );
     }
 }
 
@@ -130,7 +133,8 @@ impl Method for Dop853 {
                 self.last_acceleration.copy_from_slice(first);
             }
         }
-        self.flows = flows_of(0, interval, system, state);
+        self.flows.clear();
+        add_flows(&mut self.flows, 0, interval, system, state);
         self.velocities[0].copy_from_slice(&state.v);
         self.stage.v[n_free..].copy_from_slice(&state.v[n_free..]);
         for stage in 1..STAGES {
@@ -145,7 +149,7 @@ impl Method for Dop853 {
             anchors.place(time, &mut self.stage.x, &mut self.stage.v);
             let these = &mut self.accelerations[stage];
             accelerate(system, time, &self.stage, these, work);
-            self.flows += flows_of(stage, interval, system, &self.stage);
+            add_flows(&mut self.flows, stage, interval, system, &self.stage);
         }
         let mut change: f64 = 0.0;
         for block in 0..n_free {
@@ -174,8 +178,8 @@ impl Method for Dop853 {
         self.acceleration_is_known = false;
     }
 
-    fn flows(&self) -> Option<Flows> {
-        Some(self.flows)
+    fn flows(&self) -> Option<&Flows> {
+        Some(&self.flows)
     }
 }
 

@@ -18,7 +18,7 @@ pub struct Doubling {
     is_fresh: bool,
     weighing: Weighing,
     /// Of both halves.
-    flows: Option<Flows>,
+    flows: Flows,
 }
 
 impl Doubling {
@@ -29,7 +29,7 @@ impl Doubling {
             method,
             whole: State::initial(system),
             is_fresh: true,
-            flows: None,
+            flows: Flows::default(),
         }
     }
 }
@@ -87,11 +87,15 @@ impl Method for Doubling {
             .step(system, anchors, interval, &mut self.whole, work)?;
         let [first, second] = interval.halves();
         self.method.step(system, anchors, first, state, work)?;
-        let flows = self.method.flows();
+        if let Some(flows) = self.method.flows() {
+            self.flows.copy_from(flows);
+        }
         self.method.accept();
         self.is_fresh = false;
         self.method.step(system, anchors, second, state, work)?;
-        self.flows = flows.zip(self.method.flows()).map(|(a, b)| a + b);
+        if let Some(flows) = self.method.flows() {
+            self.flows.add(flows);
+        }
 
         let whole = &self.whole;
         let estimate = self.weighing.estimate(h, state, |part, [e_x, e_v]| {
@@ -130,7 +134,7 @@ impl Method for Doubling {
         self.method.tensions()
     }
 
-    fn flows(&self) -> Option<Flows> {
-        self.flows
+    fn flows(&self) -> Option<&Flows> {
+        self.method.flows().map(|_| &self.flows)
     }
 }

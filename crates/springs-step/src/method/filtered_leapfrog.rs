@@ -36,11 +36,10 @@ pub struct FilteredLeapfrog {
     filtered_for: f64,
     /// Forces jumped since the accelerations were computed.
     is_stale: bool,
-    /// Power, in W, of anchors against the filtered forces of springs.
-    anchor_power: f64,
-    next_anchor_power: f64,
+    /// Power, in W, of each anchor against the filtered forces of springs.
+    anchor_powers: Vec<f64>,
+    next_anchor_powers: Vec<f64>,
     impulses: Impulses,
-    flows: Flows,
 }
 
 const ALPHA: f64 = 0.3;
@@ -53,6 +52,7 @@ impl FilteredLeapfrog {
     /// If the factor cannot be stored.
     pub fn new(system: &System, options: &RunOptions) -> Result<Self, SolveError> {
         let zeros = vec![Vector3::zeros(); system.numbering().n_nodes()];
+        let powers = vec![0.0; zeros.len() - system.n_free()];
         Ok(Self {
             linear: LinearSystem::new(system, Hessian::Altered, options)?,
             start: if system.masses().contains(&0.0) {
@@ -66,10 +66,9 @@ impl FilteredLeapfrog {
             next_tensions: vec![0.0; system.n_carried()],
             filtered_for: 0.0,
             is_stale: false,
-            anchor_power: 0.0,
-            next_anchor_power: 0.0,
+            anchor_powers: powers.clone(),
+            next_anchor_powers: powers,
             impulses: Impulses::new(system),
-            flows: Flows::default(),
         })
     }
 
@@ -109,8 +108,10 @@ impl FilteredLeapfrog {
         )?;
         if system.any_anchor_moves(&state.v) {
             // The force that acts is the filtered one, f − αh²S a.
-            let change = system.anchor_power_change(&taken, &self.next_accelerations);
-            self.next_anchor_power = system.anchor_power(&state.x, &state.v) + change;
+            let powers = &mut self.next_anchor_powers;
+            powers.fill(0.0);
+            system.add_anchor_works(1.0, &state.x, &state.v, powers);
+            system.add_anchor_work_changes(&taken, &self.next_accelerations, powers);
         }
         // What the filter leaves of the tension.
         system.predict_carried(
@@ -192,10 +193,13 @@ impl Method for FilteredLeapfrog {
         self.impulses
             .add_damping(system, 0.5 * h, &state.x, &state.v);
         if self.impulses.anchors_move() {
-            let power = self.anchor_power + self.next_anchor_power;
-            self.impulses.add_anchor_work(0.5 * h * power);
+            let powers = self.anchor_powers.iter().zip(&self.next_anchor_powers);
+            let works = self.impulses.anchor_works(system).iter_mut();
+            for (work, (start, end)) in works.zip(powers) {
+                *work += 0.5 * h * (start + end);
+            }
         }
-        self.flows = self.impulses.flows(system, &state.v);
+        self.impulses.finish(system, &state.v);
         Ok(None)
     }
 
@@ -206,7 +210,7 @@ impl Method for FilteredLeapfrog {
         }
         archive.real(&mut self.filtered_for);
         archive.flag(&mut self.is_stale);
-        archive.real(&mut self.anchor_power);
+        archive.reals(&mut self.anchor_powers);
         archive.vectors(&mut self.accelerations);
         archive.reals(&mut self.tensions);
     }
@@ -214,14 +218,14 @@ impl Method for FilteredLeapfrog {
     fn accept(&mut self) {
         std::mem::swap(&mut self.accelerations, &mut self.next_accelerations);
         std::mem::swap(&mut self.tensions, &mut self.next_tensions);
-        self.anchor_power = self.next_anchor_power;
+        std::mem::swap(&mut self.anchor_powers, &mut self.next_anchor_powers);
     }
 
     fn tensions(&self) -> Option<&[f64]> {
         Some(&self.tensions)
     }
 
-    fn flows(&self) -> Option<Flows> {
-        Some(self.flows)
+    fn flows(&self) -> Option<&Flows> {
+        Some(self.impulses.flows())
     }
 }

@@ -20,7 +20,6 @@ pub struct ImplicitEuler {
     momenta: Vec<Vector3<f64>>,
     tensions: Tensions,
     impulses: Impulses,
-    flows: Flows,
 }
 
 impl ImplicitEuler {
@@ -35,7 +34,6 @@ impl ImplicitEuler {
             momenta: vec![Vector3::zeros(); system.n_free()],
             tensions: Tensions::new(system),
             impulses: Impulses::new(system),
-            flows: Flows::default(),
         })
     }
 }
@@ -88,7 +86,7 @@ impl Method for ImplicitEuler {
             .solve(system, &problem, state, &mut self.tensions.end, work)?;
         let (h, end) = (interval.size, interval.end);
         self.impulses.add(system, h, end, &state.x, &state.v);
-        self.flows = self.impulses.flows(system, &state.v);
+        self.impulses.finish(system, &state.v);
         Ok(None)
     }
 
@@ -122,7 +120,7 @@ impl Method for ImplicitEuler {
         Some(&self.tensions.start)
     }
 
-    fn flows(&self) -> Option<Flows> {
-        Some(self.flows)
+    fn flows(&self) -> Option<&Flows> {
+        Some(self.impulses.flows())
     }
 }

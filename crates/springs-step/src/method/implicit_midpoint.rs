@@ -22,7 +22,6 @@ pub struct ImplicitMidpoint {
     before: State,
     tensions: Tensions,
     impulses: Impulses,
-    flows: Flows,
     is_started: bool,
 }
 
@@ -39,7 +38,6 @@ impl ImplicitMidpoint {
             before: State::initial(system),
             tensions: Tensions::new(system),
             impulses: Impulses::new(system),
-            flows: Flows::default(),
             is_started: false,
         })
     }
@@ -102,7 +100,7 @@ impl Method for ImplicitMidpoint {
             state.v[block] = state.v[block] * 2.0 - self.before.v[block];
         }
         anchors.place(interval.end, &mut state.x, &mut state.v);
-        self.flows = self.impulses.flows(system, &state.v);
+        self.impulses.finish(system, &state.v);
         Ok(None)
     }
 
@@ -117,7 +115,7 @@ impl Method for ImplicitMidpoint {
         self.is_started = true;
     }
 
-    fn flows(&self) -> Option<Flows> {
-        Some(self.flows)
+    fn flows(&self) -> Option<&Flows> {
+        Some(self.impulses.flows())
     }
 }

@@ -33,7 +33,6 @@ pub struct LinearlyImplicitEuler {
     next_tensions: Vec<f64>,
     tensions_are_known: bool,
     impulses: Impulses,
-    flows: Flows,
 }
 
 impl LinearlyImplicitEuler {
@@ -61,7 +60,6 @@ impl LinearlyImplicitEuler {
             next_tensions: vec![0.0; n_tensions],
             tensions_are_known: false,
             impulses: Impulses::new(system),
-            flows: Flows::default(),
         })
     }
 
@@ -121,15 +119,15 @@ impl LinearlyImplicitEuler {
         self.impulses
             .add_damping(system, h, &state.x, &self.velocities);
         if self.impulses.anchors_move() {
-            let work = h * system.anchor_power(&state.x, &state.v);
             let taken = Evaluation {
                 v: &state.v,
                 ..taken
             };
-            let change = system.anchor_power_change(&taken, &self.velocities);
-            self.impulses.add_anchor_work(work + change);
+            let works = self.impulses.anchor_works(system);
+            system.add_anchor_works(h, &state.x, &state.v, works);
+            system.add_anchor_work_changes(&taken, &self.velocities, works);
         }
-        self.flows = self.impulses.flows(system, &self.velocities);
+        self.impulses.finish(system, &self.velocities);
         Ok(())
     }
 
@@ -233,7 +231,7 @@ impl Method for LinearlyImplicitEuler {
         (!self.tensions.is_empty()).then_some(&self.tensions)
     }
 
-    fn flows(&self) -> Option<Flows> {
-        Some(self.flows)
+    fn flows(&self) -> Option<&Flows> {
+        Some(self.impulses.flows())
     }
 }

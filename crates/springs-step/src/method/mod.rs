@@ -172,11 +172,11 @@ pub trait Method: Send {
         None
     }
 
-    /// Heat of dashpots and work of anchors in the last step, with the weights
+    /// Heat of dashpots, and work of anchors and loads, in the last step, with the weights
     /// that the method itself gave to the forces of its stages, so that the
     /// energy ledger closes to the method's order. `None`: the ledger takes the
     /// trapezoidal rule over the step.
-    fn flows(&self) -> Option<Flows> {
+    fn flows(&self) -> Option<&Flows> {
         None
     }
 

@@ -1,6 +1,6 @@
 //! RODAS4: a Rosenbrock method of order 4.
 
-use crate::flows::work_on;
+use crate::flows::BlockWorks;
 use crate::implicit::linear::{LinearSystem, Purpose};
 use crate::implicit::solver_options::Hessian;
 use crate::method::time_scale;
@@ -8,7 +8,7 @@ use crate::vectors::{largest, spread};
 use crate::work::timed;
 use crate::{Anchors, Archive, ErrorEstimate, Flows, Interval, Method, MethodError, State, Work};
 use nalgebra::Vector3;
-use springs_assembly::{Evaluation, Lines, System, Weights};
+use springs_assembly::{Evaluation, System, Weights};
 use springs_scene::RunOptions;
 use springs_solver::{Interrupt, SolveError};
 
@@ -29,9 +29,12 @@ pub struct Rodas4 {
     forces: Vec<Vector3<f64>>,
     /// ∂f/∂t by moving anchors, in N/s.
     drift: Vec<Vector3<f64>>,
-    /// Work of the anchors in the last step, in J: one more unknown.
-    anchor_work: f64,
-    load_work: f64,
+    /// Works of anchors and loads: unknowns beside positions and velocities, of which
+    /// these are the u of each stage, in J.
+    works: [BlockWorks; STAGES],
+    /// What their powers change by with time, in W/s, while velocities stay.
+    work_drift: BlockWorks,
+    flows: Flows,
 }
 
 #[derive(Clone)]
@@ -79,27 +82,6 @@ const C: [&[f64]; STAGES] = [
     ],
 ];
 
-/// The loads at the start of a step.
-struct LoadsAtStart {
-    /// In N.
-    forces: Vec<Vector3<f64>>,
-    /// What their power changes by with time, in W/s, while velocities stay.
-    drift: f64,
-}
-
-impl LoadsAtStart {
-    fn of(system: &System, time: f64, state: &State) -> Self {
-        let zeros = vec![Vector3::zeros(); system.n_free()];
-        let (mut forces, mut rates) = (zeros.clone(), zeros);
-        system.add_loads(time, &mut forces);
-        system.add_load_rates(time, &mut rates);
-        Self {
-            forces,
-            drift: work_on(&rates, &state.v),
-        }
-    }
-}
-
 impl Rodas4 {
     /// Allocates the workspace and factorizes symbolically.
     ///
@@ -118,8 +100,9 @@ impl Rodas4 {
             stage: State::initial(system),
             forces: zeros.clone(),
             drift: zeros,
-            anchor_work: 0.0,
-            load_work: 0.0,
+            works: Default::default(),
+            work_drift: BlockWorks::default(),
+            flows: Flows::default(),
         })
     }
 
@@ -131,6 +114,66 @@ impl Rodas4 {
             sums.1 += stage.v[block] * *weight;
         }
         sums
+    }
+
+    /// Begins a step with the works: the powers of anchors change with their own way, those
+    /// of loads with time. `change_at` has the Hessian at the start.
+    fn begin_works(
+        &mut self,
+        (system, anchors): (&System, &Anchors),
+        (start, state): (f64, &State),
+        change_at: &Evaluation<'_>,
+    ) {
+        let n_free = system.n_free();
+        self.work_drift.clear();
+        if system.any_anchor_moves(&state.v) {
+            let (drift, along) = (self.work_drift.with_anchors(system), &mut self.stage.x);
+            along[..n_free].fill(Vector3::zeros());
+            along[n_free..].copy_from_slice(&state.v[n_free..]);
+            system.add_anchor_work_changes(change_at, along, drift);
+            if anchors.accelerations(start, along) {
+                system.add_anchor_works(1.0, &state.x, along, drift);
+            }
+        }
+        if system.has_loads() {
+            let drift = self.work_drift.with_loads(system);
+            system.each_load_rate(start, |load, block, rate| {
+                drift[load] += rate.dot(&state.v[block]);
+            });
+        }
+    }
+
+    /// The works of a stage that is solved, by the powers at its time and how they change
+    /// with its u from the start of the step.
+    fn add_work(
+        &mut self,
+        system: &System,
+        (stage, h): (usize, f64),
+        [start, time]: [f64; 2],
+        change_at: &Evaluation<'_>,
+    ) {
+        let (earlier, rest) = self.works.split_at_mut(stage);
+        let (works, slopes, at) = (&mut rest[0], &self.stages[stage], &self.stage);
+        works.clear();
+        if system.any_anchor_moves(&at.v) {
+            let anchors = works.with_anchors(system);
+            system.add_anchor_works(1.0, &at.x, &at.v, anchors);
+            system.add_anchor_work_changes(change_at, &slopes.x, anchors);
+        }
+        if system.has_loads() {
+            let loads = works.with_loads(system);
+            system.each_load(time, |load, block, force| {
+                loads[load] += force.dot(&at.v[block]);
+            });
+            system.each_load(start, |load, block, force| {
+                loads[load] += force.dot(&slopes.v[block]);
+            });
+        }
+        for (weight, earlier) in C[stage].iter().zip(earlier) {
+            works.add_times(earlier, weight / h);
+        }
+        works.add_times(&self.work_drift, GAMMAS[stage] * h);
+        works.scale(GAMMA * h);
     }
 
     /// Solves (1/(hγ) − J) u = r for one stage, where r stands in its slopes.
@@ -158,12 +201,6 @@ impl Rodas4 {
         }
         Ok(())
     }
-}
-
-/// Σ weight·u over the earlier stages.
-fn weighted(weights: &[f64], values: &[f64]) -> f64 {
-    let products = weights.iter().zip(values).map(|(weight, u)| weight * u);
-    products.sum()
 }
 
 impl Method for Rodas4 {
@@ -208,26 +245,11 @@ impl Method for Rodas4 {
         }
         system.add_load_rates(interval.start, &mut self.drift);
         self.stage.v.copy_from_slice(&state.v);
-        let anchors_move = system.any_anchor_moves(&state.v);
         let change_at = Evaluation {
             weights: Weights::STIFFNESS,
             ..at
         };
-        // The power of the anchors changes with their own way, and with u.
-        let mut power_drift = 0.0;
-        if anchors_move {
-            self.stage.x[..n_free].fill(Vector3::zeros());
-            self.stage.x[n_free..].copy_from_slice(&state.v[n_free..]);
-            power_drift = system.anchor_power_change(&change_at, &self.stage.x);
-            if anchors.accelerations(interval.start, &mut self.stage.x) {
-                power_drift += system.anchor_power(&state.x, &self.stage.x);
-            }
-        }
-        let mut works = [0.0; STAGES];
-        let mut load_works = [0.0; STAGES];
-        let loads = system
-            .has_loads()
-            .then(|| LoadsAtStart::of(system, interval.start, state));
+        self.begin_works((system, anchors), (interval.start, state), &change_at);
         for stage in 0..STAGES {
             for block in 0..n_free {
                 let (dx, dv) = self.sum(A[stage], block);
@@ -248,24 +270,13 @@ impl Method for Rodas4 {
                 self.stages[stage].v[block] = force / system.masses()[block] + cv / h;
             }
             self.solve(system, stage, h, work)?;
-            if anchors_move {
-                let known = weighted(C[stage], &works) / h + GAMMAS[stage] * h * power_drift;
-                let power = system.anchor_power(&self.stage.x, &self.stage.v);
-                let change = system.anchor_power_change(&change_at, &self.stages[stage].x);
-                works[stage] = c * (power + change + known);
-            }
-            if let Some(loads) = &loads {
-                let known = weighted(C[stage], &load_works) / h + GAMMAS[stage] * h * loads.drift;
-                self.forces.fill(Vector3::zeros());
-                system.add_loads(time, &mut self.forces);
-                let power = work_on(&self.forces, &self.stage.v);
-                let change = work_on(&loads.forces, &self.stages[stage].v);
-                load_works[stage] = c * (power + change + known);
-            }
+            self.add_work(system, (stage, h), [interval.start, time], &change_at);
         }
-        let total = |works: &[f64; STAGES]| weighted(A[STAGES - 1], works) + works[STAGES - 1];
-        self.anchor_work = total(&works);
-        self.load_work = total(&load_works);
+        let (last, earlier) = self.works.split_last().expect("there are stages");
+        self.flows.works.copy_from(last);
+        for (weight, works) in A[STAGES - 1].iter().zip(earlier) {
+            self.flows.works.add_times(works, *weight);
+        }
         // The last stage was evaluated at the embedded result; its u leads on
         // to the result, and is the estimate of the error.
         let mut change: f64 = 0.0;
@@ -293,11 +304,7 @@ impl Method for Rodas4 {
 
     fn accept(&mut self) {}
 
-    fn flows(&self) -> Option<Flows> {
-        Some(Flows {
-            heat: Lines::default(),
-            anchor_work: self.anchor_work,
-            load_work: self.load_work,
-        })
+    fn flows(&self) -> Option<&Flows> {
+        Some(&self.flows)
     }
 }

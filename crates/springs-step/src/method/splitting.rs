@@ -30,7 +30,6 @@ pub struct Splitting {
     impulses: Impulses,
     /// At the end of the last step, in J, if everything is finite.
     kinetic_energy: Option<f64>,
-    pub(crate) flows: Flows,
 }
 
 impl Splitting {
@@ -112,8 +111,12 @@ impl Splitting {
             accelerations_are_known: false,
             impulses: Impulses::new(system),
             kinetic_energy: None,
-            flows: Flows::default(),
         }
+    }
+
+    /// Those of the last step.
+    pub(crate) fn last_flows(&self) -> &Flows {
+        self.impulses.flows()
     }
 
     /// The last accepted step is taken back; without dashpots only.
@@ -221,7 +224,7 @@ impl Method for Splitting {
         let accelerations = &self.next_accelerations;
         self.kinetic_energy =
             last_kick(accelerations, kick, &mut state.v, &state.x, system.masses());
-        self.flows = self.impulses.flows(system, &state.v);
+        self.impulses.finish(system, &state.v);
         Ok(None)
     }
 
@@ -238,8 +241,8 @@ impl Method for Splitting {
         std::mem::swap(&mut self.seen_at_start, &mut self.seen);
     }
 
-    fn flows(&self) -> Option<Flows> {
-        Some(self.flows)
+    fn flows(&self) -> Option<&Flows> {
+        Some(self.impulses.flows())
     }
 
     fn kinetic_energy(&self) -> Option<f64> {

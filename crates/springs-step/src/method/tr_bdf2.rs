@@ -76,7 +76,6 @@ pub struct TrBdf2 {
     /// √(‖w‖/‖z_v‖), in s: for how long an error of velocities moves positions.
     time_scale: f64,
     impulses: Impulses,
-    flows: Flows,
 }
 
 /// The weight of the forces at start and middle in a step; that of the end is
@@ -238,7 +237,6 @@ impl TrBdf2 {
             is_started: false,
             tensions: Tensions::new(system),
             impulses: Impulses::new(system),
-            flows: Flows::default(),
             goal: None,
         })
     }
@@ -471,7 +469,7 @@ impl Method for TrBdf2 {
         self.solve(system, (c, interval.end), state, 2, work)?;
         self.impulses
             .add(system, c, interval.end, &state.x, &state.v);
-        self.flows = self.impulses.flows(system, &state.v);
+        self.impulses.finish(system, &state.v);
         let Some(goal) = self.goal else {
             return Ok(None);
         };
@@ -536,7 +534,7 @@ impl Method for TrBdf2 {
         Some(&self.tensions.start)
     }
 
-    fn flows(&self) -> Option<Flows> {
-        Some(self.flows)
+    fn flows(&self) -> Option<&Flows> {
+        Some(self.impulses.flows())
     }
 }

@@ -62,11 +62,11 @@ impl Method for VerletPairs {
             self.verlet.go_back();
         }
         self.verlet.step(system, anchors, first, state, work)?;
-        self.flows = self.verlet.flows;
+        self.flows.copy_from(self.verlet.last_flows());
         self.verlet.accept();
         self.is_fresh = false;
         self.verlet.step(system, anchors, second, state, work)?;
-        self.flows += self.verlet.flows;
+        self.flows.add(self.verlet.last_flows());
         let (k, [a0, a1, a2]) = (first.size, self.verlet.last_accelerations());
         let (h, factors) = (interval.size, [k * k, 0.5 * k]);
         let estimate = self.weighing.estimate(h, state, |part, errors| {
@@ -96,8 +96,8 @@ impl Method for VerletPairs {
         self.is_fresh = true;
     }
 
-    fn flows(&self) -> Option<Flows> {
-        Some(self.flows)
+    fn flows(&self) -> Option<&Flows> {
+        Some(&self.flows)
     }
 
     fn kinetic_energy(&self) -> Option<f64> {

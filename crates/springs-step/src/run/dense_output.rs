@@ -70,7 +70,7 @@ impl DenseOutput {
 
     /// Flows from the start of the step to the state that was made last, where a
     /// step of the method made it.
-    pub(crate) fn flows(&self) -> Option<Flows> {
+    pub(crate) fn flows(&self) -> Option<&Flows> {
         match self {
             Self::Polynomial { .. } => None,
             Self::Substep { method, .. } => method.flows(),

@@ -12,7 +12,7 @@ use crate::run::simulation::Pause;
 use crate::threads::threads;
 use crate::{
     Account, Archive, Cause, ForeignState, Ledger, NodeStates, Observer, Outcome, Patience,
-    SetupError, StepError, StepRecord, Work,
+    SetupError, StepError, StepRecord, Work, Works,
 };
 use springs_assembly::{CompileError, Energy};
 use springs_scene::{RunOptions, Scene};
@@ -36,6 +36,7 @@ pub struct Islands {
     /// How far parts may still move that are put to sleep, in m.
     sleep: Option<f64>,
     n_springs: usize,
+    n_loads: usize,
     supported: Supported,
     probes: Probes,
     time: f64,
@@ -114,12 +115,13 @@ impl Islands {
             parts.iter_mut().for_each(|part| part.asleep_since = None);
         }
         let mut islands = Self {
-            ledger: parts[0].ledger,
+            ledger: parts[0].books.ledger,
             parts,
             threads,
             duration: scene.settings.duration,
             sleep: options.sleep,
             n_springs: scene.springs.len(),
+            n_loads: scene.loads.len(),
             supported: Supported::of(scene),
             probes: Probes::of(scene),
             time: 0.0,
@@ -143,7 +145,7 @@ impl Islands {
     }
 
     fn sum_ledgers(&mut self) {
-        let ledgers = self.parts.iter().map(|part| part.ledger);
+        let ledgers = self.parts.iter().map(|part| part.books.ledger);
         if let Some(sum) = Ledger::sum(ledgers) {
             self.ledger = sum;
         }
@@ -186,7 +188,7 @@ impl Islands {
         for part in &mut self.parts {
             part.simulation.archive(archive);
             part.state.archive(archive);
-            part.ledger.archive(archive);
+            part.books.archive(part.simulation.system(), archive);
             archive.option(&mut part.asleep_since, |since, archive| archive.real(since));
             archive.count(&mut part.countdown);
             archive.option(&mut part.saved, |(words, steps), archive| {
@@ -278,6 +280,18 @@ impl Islands {
         self.ledger
     }
 
+    /// What each load and each moving support did so far.
+    pub fn works(&self) -> Works {
+        let mut works = Works {
+            loads: vec![0.0; self.n_loads],
+            ..Works::default()
+        };
+        self.parts
+            .iter()
+            .for_each(|part| part.add_works(&mut works));
+        works.finish()
+    }
+
     /// Energy now.
     pub fn energy(&self) -> Energy {
         let energies = self.parts.iter().map(|part| part.energy(&self.nodes));
@@ -305,7 +319,8 @@ impl Islands {
             let outcome = part.simulation.run(intervals, observer);
             self.time = part.simulation.stepper().time();
             self.nodes.clone_from(part.simulation.nodes());
-            self.ledger = part.simulation.ledger();
+            part.books.clone_from(part.simulation.books());
+            self.ledger = part.books.ledger;
             self.trial_time = part.simulation.trial_time();
             return outcome;
         }

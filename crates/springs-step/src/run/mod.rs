@@ -12,3 +12,4 @@ pub(crate) mod record;
 pub(crate) mod simulation;
 pub(crate) mod sleep;
 pub(crate) mod stepper;
+pub(crate) mod works;

@@ -1,9 +1,10 @@
 //! A part of a scene that is not coupled with the others.
 
+use crate::ledger::Books;
 use crate::run::simulation::Pause;
 use crate::run::sleep::Sleep;
 use crate::threads::threads;
-use crate::{Archive, Ledger, NodeStates, SetupError, Simulation, StepError, Suspect};
+use crate::{Archive, NodeStates, SetupError, Simulation, StepError, Suspect, Works};
 use nalgebra::Vector3;
 use springs_assembly::Energy;
 use springs_scene::{Island, RunOptions, Scene};
@@ -13,10 +14,12 @@ use std::ops::ControlFlow;
 pub struct Part {
     /// Where its nodes and springs are in the scene.
     pub(super) island: Island,
+    /// The loads of the scene that act on it.
+    pub(super) loads: Vec<usize>,
     pub(super) simulation: Simulation,
     pub(super) state: NodeStates,
     /// When it was in that state.
-    pub(super) ledger: Ledger,
+    pub(super) books: Books,
     pub(super) asleep_since: Option<f64>,
     /// Made when it is first needed.
     pub(super) sleep: Option<Sleep>,
@@ -54,7 +57,8 @@ impl Part {
         let is_at_rest = options.skip && Sleep::is_exact(system, state);
         Ok(Self {
             state: simulation.nodes().clone(),
-            ledger: simulation.ledger(),
+            books: simulation.books().clone(),
+            loads: scene.loads_on(&island),
             island,
             asleep_since: is_at_rest.then_some(0.0),
             sleep: None,
@@ -144,6 +148,12 @@ impl Part {
         &self.simulation
     }
 
+    /// Adds what its loads and supports did to those of the scene.
+    pub(super) fn add_works(&self, works: &mut Works) {
+        let own = self.simulation.works_of(&self.books);
+        works.add_part(own, &self.island.nodes, &self.loads);
+    }
+
     /// Energy where the nodes of the scene are, those of others left out.
     pub(super) fn energy(&self, nodes: &NodeStates) -> Energy {
         let of_part = |vectors: &[Vector3<f64>]| -> Vec<Vector3<f64>> {
@@ -166,7 +176,7 @@ impl Part {
         }
         let done = self.simulation.advance_to(time, pause, &mut self.state);
         if done == Ok(true) {
-            self.ledger = self.simulation.ledger_at(time, &self.state);
+            self.books = self.simulation.books_at(time, &self.state);
         }
         done.map_err(|error| self.in_scene(error))
     }

@@ -19,6 +19,7 @@ use crate::control::auto::{Auto, Picked};
 use crate::control::choose::{Start, start};
 use crate::control::controller::Schedule;
 use crate::control::timetable::Timetable;
+use crate::ledger::Books;
 use crate::run::breaks::Break;
 use crate::run::dense_output::DenseOutput;
 use crate::run::frames::{AT_THE_END, Shown};
@@ -26,7 +27,7 @@ use crate::run::members::{Supported, Track};
 use crate::run::probes::Probes;
 use crate::{
     Archive, Cause, Choice, Flows, Interval, Ledger, Method, MethodError, NodeStates, Patience,
-    SetupError, State, StepError, StepPlan, StepRecord, Stepper, Work,
+    SetupError, State, StepError, StepPlan, StepRecord, Stepper, Work, Works,
 };
 use springs_assembly::{Compilation, Emitter, Energy, System, compile_with};
 use springs_scene::{RunOptions, Scene};
@@ -72,11 +73,13 @@ pub struct Simulation {
     work: Work,
     trial_work: Work,
     trial_time: Duration,
-    ledger: Ledger,
-    /// The ledger before the last step, and the flows in it as far as free nodes
+    books: Books,
+    /// The books before the last step, and the flows in it as far as free nodes
     /// took part.
-    ledger_before: Ledger,
+    books_before: Books,
     last_flows: Flows,
+    /// Room for those of an attempted step.
+    next_flows: Flows,
     /// The flows from the start of the last step to the time of the state between
     /// that was made last, if a step of the method gave them.
     flows_between: Option<(f64, Flows)>,
@@ -86,6 +89,8 @@ pub struct Simulation {
     most_energy: f64,
     interrupt: Interrupt,
     n_springs: usize,
+    /// Those of the scene.
+    n_loads: usize,
     supported: Supported,
     probes: Probes,
     /// Tensions and their peaks, where somebody wants them.
@@ -218,14 +223,15 @@ impl Simulation {
         let stepper = Stepper::with_method(system, start.method);
         let nodes = NodeStates::of(scene);
         let work = stepper.method().setup();
-        let ledger = Ledger::open(stepper.system(), stepper.state());
-        if !ledger.start.total().is_finite() {
+        let books = Books::open(stepper.system(), stepper.state());
+        if !books.ledger.start.total().is_finite() {
             return Err(SetupError::EnergyOverflow);
         }
         Ok(Self {
-            ledger,
-            ledger_before: ledger,
+            books_before: books.clone(),
+            books,
             last_flows: Flows::default(),
+            next_flows: Flows::default(),
             flows_between: None,
             state_between: None,
             duration,
@@ -249,6 +255,7 @@ impl Simulation {
             nodes,
             interrupt: Interrupt::default(),
             n_springs: scene.springs.len(),
+            n_loads: scene.loads.len(),
             supported: Supported::of(scene),
             probes: Probes::of(scene),
             track: None,
@@ -341,7 +348,16 @@ impl Simulation {
 
     /// Energy at the start and its flows so far.
     pub fn ledger(&self) -> Ledger {
-        self.ledger
+        self.books.ledger
+    }
+
+    /// What each load and each moving support did so far.
+    pub fn works(&self) -> Works {
+        self.works_of(&self.books)
+    }
+
+    pub(crate) fn books(&self) -> &Books {
+        &self.books
     }
 
     /// Energy now.
@@ -474,7 +490,7 @@ impl Simulation {
         if let Some((cause, block)) = failure {
             return Err(self.stepper.error(cause, block, interval));
         }
-        self.flows_between = self.dense_output.flows().map(|flows| (time, flows));
+        self.flows_between = self.dense_output.flows().map(|flows| (time, flows.clone()));
         Ok(())
     }
 

@@ -309,12 +309,16 @@ impl Stepper {
         self.kinetic_energy
     }
 
-    /// What dashpots and moving anchors took and gave in the attempted step, as
-    /// far as free nodes took part.
-    pub(crate) fn flows(&self, interval: Interval) -> Flows {
-        let ends = [&self.before, &self.state];
-        let of_method = self.method.flows();
-        of_method.unwrap_or_else(|| Flows::trapezoidal(&self.system, ends, interval.size))
+    /// What dashpots, moving anchors and loads took and gave in the attempted step, as
+    /// far as free nodes took part, into `flows`.
+    pub(crate) fn copy_flows(&self, interval: Interval, flows: &mut Flows) {
+        match self.method.flows() {
+            Some(of_method) => flows.copy_from(of_method),
+            None => {
+                let ends = [&self.before, &self.state];
+                *flows = Flows::trapezoidal(&self.system, ends, interval.size);
+            }
+        }
     }
 
     /// The state before the last step.

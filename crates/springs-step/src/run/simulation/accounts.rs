@@ -1,7 +1,8 @@
 //! Energies at the end of a step and within it.
 
 use super::{AT_THE_END, Simulation};
-use crate::{Account, Flows, Interval, Ledger, NodeStates, State};
+use crate::ledger::Books;
+use crate::{Account, Interval, NodeStates, State, Works};
 
 impl Simulation {
     /// Energies now.
@@ -14,7 +15,7 @@ impl Simulation {
         Account {
             time,
             energy: self.energy(),
-            ledger: self.ledger,
+            ledger: self.books.ledger,
         }
     }
 
@@ -25,7 +26,7 @@ impl Simulation {
         time: f64,
         nodes: &NodeStates,
     ) -> Account {
-        let ledger = self.ledger_between(interval, time, nodes);
+        let ledger = self.books_between(interval, time, nodes).ledger;
         let state = self.gather_between(nodes);
         let energy = self.stepper.system().energy(&state.x, &state.v);
         self.state_between = Some(state);
@@ -36,20 +37,21 @@ impl Simulation {
         }
     }
 
-    /// The ledger at a time within the last step, where `nodes` are.
-    fn ledger_between(&mut self, interval: Interval, time: f64, nodes: &NodeStates) -> Ledger {
+    /// The books at a time within the last step, where `nodes` are.
+    fn books_between(&mut self, interval: Interval, time: f64, nodes: &NodeStates) -> Books {
         let state = self.gather_between(nodes);
         let (system, h) = (self.stepper.system(), interval.size);
         let ends = [self.stepper.before(), self.stepper.state()];
         let elapsed = time - interval.start;
-        let flows = match self.flows_between {
-            Some((at, flows)) if at == time => flows,
+        let mut flows = match &self.flows_between {
+            Some((at, flows)) if *at == time => flows.clone(),
             _ => self.last_flows.part(system, ends, h, elapsed / h),
         };
-        let mut ledger = self.ledger_before;
-        ledger.record(flows + Flows::between_fixed(system, &ends[0].x, &state, elapsed));
+        flows.add_between_fixed(system, &ends[0].x, &state, elapsed);
+        let mut books = self.books_before.clone();
+        books.record(&flows);
         self.state_between = Some(state);
-        ledger
+        books
     }
 
     /// The global vectors of `nodes`; to be put back for the next time.
@@ -60,13 +62,19 @@ impl Simulation {
         state
     }
 
-    /// The ledger when [`Self::advance_to`] got to a time, where `nodes` were.
-    pub(crate) fn ledger_at(&mut self, time: f64, nodes: &NodeStates) -> Ledger {
+    /// The books when [`Self::advance_to`] got to a time, where `nodes` were.
+    pub(crate) fn books_at(&mut self, time: f64, nodes: &NodeStates) -> Books {
         match self.last {
             Some(interval) if time < interval.end - AT_THE_END * interval.size => {
-                self.ledger_between(interval, time, nodes)
+                self.books_between(interval, time, nodes)
             }
-            _ => self.ledger,
+            _ => self.books.clone(),
         }
+    }
+
+    /// The works in books of this simulation, by loads and nodes.
+    pub(crate) fn works_of(&self, books: &Books) -> Works {
+        let loads = (self.n_loads, self.controls.is_some());
+        Works::of(self.system(), &books.works, loads, &self.stepper.state().v)
     }
 }

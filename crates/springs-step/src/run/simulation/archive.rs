@@ -69,9 +69,10 @@ impl Simulation {
         }
         self.stepper.archive(archive);
         self.dense_output.archive(archive);
-        self.ledger.archive(archive);
-        self.ledger_before.archive(archive);
-        self.last_flows.archive(archive);
+        let system = self.stepper.system();
+        self.books.archive(system, archive);
+        self.books_before.archive(system, archive);
+        self.last_flows.archive(system, archive);
         archive.real(&mut self.most_energy);
         self.work.archive(archive);
         self.trial_work.archive(archive);

@@ -63,14 +63,14 @@ impl Simulation {
         let Some(update) = self.stepper.update_memory() else {
             return;
         };
-        self.ledger.broken_energy += update.other_energy;
+        self.books.ledger.broken_energy += update.other_energy;
         if !update.is_abrupt {
             return;
         }
         self.ahead = None;
         let (system, state) = (self.stepper.system(), self.stepper.state());
         for broken in &update.broken {
-            self.ledger.broken_energy += broken.energy;
+            self.books.ledger.broken_energy += broken.energy;
             self.breaks.push(Break {
                 time: state.time,
                 spring: broken.spring,

@@ -232,7 +232,7 @@ impl Simulation {
         let controls = self.controls.as_ref().expect("there are some");
         let scene = &controls.scene;
         self.stepper.change(|system| system.change_springs(scene));
-        self.ledger.control_work += self.energy().elastic() - before;
+        self.books.ledger.control_work += self.energy().elastic() - before;
         self.note_change();
         Ok(())
     }
@@ -253,7 +253,7 @@ impl Simulation {
             return;
         };
         controls.archive(archive);
-        archive.real(&mut self.ledger.control_work);
+        archive.real(&mut self.books.ledger.control_work);
         self.stepper.archive_anchors(archive);
         if archive.is_loading() {
             if controls.scene.problem_of_springs().is_some() {

@@ -3,7 +3,8 @@
 use super::Simulation;
 use super::breaks::Ahead;
 use crate::control::controller::{Controller, Schedule, Verdict};
-use crate::{Archive, Cause, Counts, Flows, Interval, Ledger, StepError, StepPlan, Work};
+use crate::ledger::Books;
+use crate::{Archive, Cause, Counts, Flows, Interval, StepError, StepPlan, Work};
 
 /// What is to be taken back if a step is interrupted, beside the state.
 struct Bookmark {
@@ -11,7 +12,7 @@ struct Bookmark {
     words: Vec<u64>,
     controller: Option<Controller>,
     work: Work,
-    ledgers: [Ledger; 2],
+    books: [Books; 2],
     last_flows: Flows,
     most_energy: f64,
     ahead: Option<Ahead>,
@@ -79,8 +80,8 @@ impl Simulation {
                 Schedule::Fixed(_) | Schedule::Open(_) => None,
             },
             work: self.work,
-            ledgers: [self.ledger, self.ledger_before],
-            last_flows: self.last_flows,
+            books: [self.books.clone(), self.books_before.clone()],
+            last_flows: self.last_flows.clone(),
             most_energy: self.most_energy,
             ahead: self.ahead,
         })
@@ -95,7 +96,7 @@ impl Simulation {
             self.schedule = Schedule::Adaptive(controller);
         }
         self.work = bookmark.work;
-        [self.ledger, self.ledger_before] = bookmark.ledgers;
+        [self.books, self.books_before] = bookmark.books;
         self.last_flows = bookmark.last_flows;
         self.most_energy = bookmark.most_energy;
         self.ahead = bookmark.ahead;
@@ -126,11 +127,13 @@ impl Simulation {
     /// The attempted step stands and is booked, unless there is more energy than
     /// can be; `counts` are those before it.
     fn enter(&mut self, interval: Interval, counts: Counts) -> Result<(), StepError> {
-        let flows = self.stepper.flows(interval);
+        self.stepper.copy_flows(interval, &mut self.next_flows);
         let (before, after) = (self.stepper.before(), self.stepper.state());
-        let system = self.stepper.system();
-        let mut ledger = self.ledger;
-        ledger.record(flows + Flows::between_fixed(system, &before.x, after, interval.size));
+        let mut between = Flows::default();
+        between.add_between_fixed(self.system(), &before.x, after, interval.size);
+        let mut ledger = self.books.ledger;
+        ledger.record(&self.next_flows);
+        ledger.record(&between);
         if let Some(cause) = self.watch_energy(
             interval,
             counts,
@@ -145,8 +148,11 @@ impl Simulation {
             let (system, state) = (self.stepper.system(), self.stepper.state());
             track.take(system, self.stepper.method(), state);
         }
-        self.ledger_before = std::mem::replace(&mut self.ledger, ledger);
-        self.last_flows = flows;
+        self.books_before.copy_from(&self.books);
+        self.books.ledger = ledger;
+        self.books.works.add_times(&self.next_flows.works, 1.0);
+        self.books.works.add_times(&between.works, 1.0);
+        std::mem::swap(&mut self.last_flows, &mut self.next_flows);
         self.flows_between = None;
         Ok(())
     }

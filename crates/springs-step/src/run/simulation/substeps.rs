@@ -30,7 +30,7 @@ impl Simulation {
         if !is_allowed || is_final(error.cause) {
             return Err(error);
         }
-        let (saved, ledger) = (self.stepper.bookmark(), self.ledger);
+        let (saved, books) = (self.stepper.bookmark(), self.books.clone());
         let track = self.track.clone();
         let mut flows = Flows::default();
         let mut interval = Interval {
@@ -49,12 +49,12 @@ impl Simulation {
                 interval.start + interval.size
             };
             match self.take(interval) {
-                Ok(()) => flows += self.last_flows,
+                Ok(()) => flows.add(&self.last_flows),
                 Err(error)
                     if is_final(error.cause) || interval.size < SHORTEST_SUBSTEP * whole.size =>
                 {
                     self.stepper.return_to(saved);
-                    self.ledger = ledger;
+                    self.books = books;
                     self.track = track;
                     return Err(error);
                 }
@@ -68,7 +68,7 @@ impl Simulation {
         if let (Some(track), Some(before)) = (&mut self.track, track) {
             track.began_with(before.end().to_vec());
         }
-        (self.ledger_before, self.last_flows) = (ledger, flows);
+        (self.books_before, self.last_flows) = (books, flows);
         self.work.counts.rescued_steps += 1;
         Ok(whole)
     }

@@ -69,7 +69,7 @@ impl Simulation {
             };
             elastic = stored(&system.energy_beyond(notable, &state.x));
         }
-        let start = self.ledger.start;
+        let start = self.books.ledger.start;
         let now = system.energy(&state.x, &state.v);
         let fallen = (start.gravity() - now.gravity()).abs();
         // Every step rounds once more.
