@@ -7,7 +7,7 @@ mod common;
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use springs::assembly::{Evaluation, Linearization, OffDiagonal, Projection, Weights};
 use springs::scene::{Method, Scene, StepControl};
-use springs::solver::{Options, Solver, Strategy};
+use springs::solver::{NearNullSpace, Options, Solver, Strategy};
 use springs::step::Simulation;
 
 const H: f64 = 1.0 / 60.0;
@@ -49,10 +49,15 @@ fn solver(criterion: &mut Criterion) {
             let options = Options {
                 positions: Some(&positions),
                 strategy,
+                near_null_space: NearNullSpace::RigidMotions,
                 ..Options::default()
             };
             Solver::analyze(n_free, pairs, options).expect("enough memory")
         };
+        let present: Vec<[f64; 3]> = simulation.stepper().state().x[..n_free]
+            .iter()
+            .map(|position| (*position).into())
+            .collect();
         let id = |what: &str| BenchmarkId::new(what, &scene.name);
         group.bench_function(id("symbolic"), |bencher| {
             bencher.iter(|| analyze(Strategy::Double));
@@ -68,6 +73,7 @@ fn solver(criterion: &mut Criterion) {
         for (strategy, name) in strategies {
             let mut solver = analyze(strategy);
             let take = |solver: &mut Solver| {
+                solver.set_positions(&present);
                 solver
                     .set_matrix(matrix.diagonal(), pairs)
                     .expect("positive definite");

@@ -53,21 +53,6 @@ pub(crate) fn transposed<const D: usize, const N: usize>(b: &[f64; N]) -> [f64; 
     transposed
 }
 
-/// B + Bᵀ, packed.
-#[inline(always)]
-pub(crate) fn with_transposed<const D: usize, const P: usize, const N: usize>(
-    b: &[f64; N],
-) -> [f64; P] {
-    let mut sum = [0.0; P];
-    for row in 0..D {
-        for column in row..D {
-            sum[packed::<D>(row, column)] =
-                b[place::<D, N>(row, column)] + b[place::<D, N>(column, row)];
-        }
-    }
-    sum
-}
-
 /// B x.
 #[inline(always)]
 pub(crate) fn times<const D: usize, const N: usize>(b: &[f64; N], x: &[f64; D]) -> [f64; D] {
@@ -274,8 +259,6 @@ mod tests {
             times(&transposed::<3, 9>(&b), &x),
             product(&dense.transpose())
         );
-        let sum = with_transposed::<3, 6, 9>(&b);
-        assert_eq!(times(&sum, &x), product(&(&dense + dense.transpose())));
     }
 
     #[test]

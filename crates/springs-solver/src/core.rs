@@ -1,8 +1,10 @@
 //! A solver of matrices with blocks of one dimension.
 
 use crate::direct::Direct;
-use crate::iterative::{ConjugateGradients, Ending, Multilevel, Rows, Until};
-use crate::strategy::Chooser;
+use crate::iterative::{
+    ConjugateGradients, Ending, MakeCoarse, Multilevel, Pattern, Place, Rows, Until,
+};
+use crate::strategy::{Chooser, USUAL_ITERATIONS};
 use crate::{Counts, Interrupt, Options, Price, SolveError, StrategyState};
 
 /// A solver for one dimension of blocks, of matrices with 3 × 3 blocks; off the
@@ -12,9 +14,14 @@ pub(crate) trait Dimension<const N: usize>: Send + Sync {
 
     fn factor_price(&self) -> Price;
 
+    fn expect_uses(&mut self, uses: f64);
+
     fn set_interrupt(&mut self, interrupt: &Interrupt);
 
     fn counts(&self) -> Counts;
+
+    /// Positions of the blocks from now on.
+    fn set_positions(&mut self, positions: &[[f64; 3]]);
 
     /// Of each pair (a, b) the block of the upper triangle.
     fn set_matrix(&mut self, diagonal: &[[f64; 6]], upper: &[[f64; N]]) -> Result<(), SolveError>;
@@ -43,6 +50,7 @@ struct Iterative<const D: usize, const P: usize, const Q: usize> {
     gradients: ConjugateGradients<D>,
     solution: Vec<[f64; D]>,
     multilevel: Multilevel<D, P, Q>,
+    places: Vec<Place>,
 }
 
 impl<const D: usize, const P: usize, const Q: usize> Core<D, P, Q> {
@@ -51,12 +59,13 @@ impl<const D: usize, const P: usize, const Q: usize> Core<D, P, Q> {
         n_blocks: usize,
         pairs: &[[u32; 2]],
         options: Options<'_>,
+        make_coarse: MakeCoarse<D, P, Q>,
     ) -> Result<Self, SolveError> {
         let direct = Direct::<D, P>::new(n_blocks, pairs, options)?;
         let iteration = Price::of_iteration::<P, Q>(n_blocks, pairs.len());
         let chooser = Chooser::new(&direct, iteration, options.strategy);
         let iterative = if chooser.may_iterate() {
-            Some(Iterative::new(n_blocks, pairs, options)?)
+            Some(Iterative::new(n_blocks, pairs, options, make_coarse)?)
         } else {
             None
         };
@@ -85,8 +94,9 @@ impl<const D: usize, const P: usize, const Q: usize> Core<D, P, Q> {
         n_blocks: usize,
         pairs: &[[u32; 2]],
         options: Options<'_>,
+        make_coarse: MakeCoarse<D, P, Q>,
     ) -> Result<u64, SolveError> {
-        let solver = Self::analyze(n_blocks, pairs, options)?;
+        let solver = Self::analyze(n_blocks, pairs, options, make_coarse)?;
         let solution = match &solver.iterative {
             Some(iterative) => iterative.memory(),
             None => solver.direct.factor_memory(),
@@ -101,6 +111,10 @@ impl<const D: usize, const P: usize, const Q: usize> Core<D, P, Q> {
 
     pub(crate) fn factor_price(&self) -> Price {
         self.chooser.factor_price
+    }
+
+    pub(crate) fn expect_uses(&mut self, uses: f64) {
+        self.chooser.expect_uses(uses);
     }
 
     pub(crate) fn set_interrupt(&mut self, interrupt: &Interrupt) {
@@ -119,6 +133,13 @@ impl<const D: usize, const P: usize, const Q: usize> Core<D, P, Q> {
     /// Whether there is a matrix to solve with.
     pub(crate) fn has_matrix(&self) -> bool {
         self.has_matrix
+    }
+
+    /// Positions of the blocks, in their own coordinates, from now on.
+    pub(crate) fn set_positions(&mut self, positions: impl Iterator<Item = [f64; 3]>) {
+        if let Some(iterative) = &mut self.iterative {
+            iterative.set_positions(positions);
+        }
     }
 
     pub(crate) fn set_matrix(
@@ -200,6 +221,7 @@ impl<const D: usize, const P: usize, const Q: usize> Core<D, P, Q> {
             gradients,
             solution,
             multilevel,
+            ..
         } = self.iterative.as_mut().expect("made with the strategy");
         let before = gradients.iterations;
         gradients.residual.copy_from_slice(b);
@@ -210,31 +232,54 @@ impl<const D: usize, const P: usize, const Q: usize> Core<D, P, Q> {
         };
         let ending = gradients.solve(matrix, multilevel, until, solution);
         if ending == Ending::Converged {
-            multilevel.correct(gradients.residual_after_correction(matrix), solution);
+            let residual = gradients.residual_after_correction(matrix, multilevel);
+            multilevel.correct(residual, solution);
             b.copy_from_slice(solution);
         }
         let iterations = gradients.iterations - before;
         self.counts.iterations += iterations;
         self.chooser.record(iterations);
+        if ending == Ending::Stalled {
+            self.chooser.record_stall();
+        }
         ending
     }
 }
 
 impl<const D: usize, const P: usize, const Q: usize> Iterative<D, P, Q> {
-    fn new(n_blocks: usize, pairs: &[[u32; 2]], options: Options<'_>) -> Result<Self, SolveError> {
+    fn new(
+        n_blocks: usize,
+        pairs: &[[u32; 2]],
+        options: Options<'_>,
+        make_coarse: MakeCoarse<D, P, Q>,
+    ) -> Result<Self, SolveError> {
+        let pattern = Pattern {
+            n_blocks,
+            pairs,
+            options,
+            usual_iterations: USUAL_ITERATIONS,
+        };
         Ok(Self {
             matrix: Rows::new(n_blocks, pairs),
             gradients: ConjugateGradients::new(n_blocks),
             solution: vec![[0.0; D]; n_blocks],
-            multilevel: Multilevel::new(n_blocks, pairs, options)?,
+            multilevel: Multilevel::new(&pattern, make_coarse)?,
+            places: Vec::with_capacity(n_blocks),
         })
+    }
+
+    fn set_positions(&mut self, positions: impl Iterator<Item = [f64; 3]>) {
+        self.places.clear();
+        self.places.extend(positions.map(Place::node));
+        self.multilevel.set_places(&self.places);
     }
 
     /// In bytes; `None` if it cannot be counted.
     fn memory(&self) -> Option<u64> {
         let n_blocks = self.solution.len();
         let rows = Rows::<P, Q>::memory(n_blocks, self.matrix.n_pairs());
-        let vectors = ConjugateGradients::<D>::memory(n_blocks) + (8 * D * n_blocks) as u64;
+        let vectors = ConjugateGradients::<D>::memory(n_blocks)
+            + ((8 * D + size_of::<Place>()) * n_blocks) as u64;
         Some(rows + vectors + self.multilevel.memory()?)
     }
 }
@@ -248,12 +293,20 @@ impl<const N: usize> Dimension<N> for Core<3, 6, N> {
         self.factor_price()
     }
 
+    fn expect_uses(&mut self, uses: f64) {
+        self.expect_uses(uses);
+    }
+
     fn set_interrupt(&mut self, interrupt: &Interrupt) {
         self.set_interrupt(interrupt);
     }
 
     fn counts(&self) -> Counts {
         self.counts()
+    }
+
+    fn set_positions(&mut self, positions: &[[f64; 3]]) {
+        self.set_positions(positions.iter().copied());
     }
 
     fn set_matrix(&mut self, diagonal: &[[f64; 6]], upper: &[[f64; N]]) -> Result<(), SolveError> {

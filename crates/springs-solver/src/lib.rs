@@ -4,8 +4,9 @@
 //! once; [`Solver::set_matrix`] and [`Solver::solve_in_place`] then do numeric
 //! work only and, on one thread, allocate nothing once warm. There are two
 //! [strategies](Strategy): a factor, and conjugate gradients with a multilevel
-//! preconditioner, which takes far less time and memory for large matrices that
-//! are not extremely stiff.
+//! preconditioner, which takes far less time and memory for large matrices. It takes
+//! fewest iterations where it knows the [near null space](NearNullSpace) of the matrix,
+//! for which it needs [positions](Solver::set_positions).
 //!
 //! The order is that of minimum degree or, with positions, of nested dissection,
 //! whichever takes fewer operations. The factorization is multifrontal, with
@@ -63,6 +64,22 @@ pub struct Options<'a> {
     pub subspace: Subspace,
     /// What the off-diagonal blocks are like.
     pub packing: Packing,
+    /// What the matrix does little to.
+    pub near_null_space: NearNullSpace,
+}
+
+/// Vectors that a matrix makes small beside others of their size, but for a part of it
+/// that is small itself: what iterations take long to find, unless it is given to them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum NearNullSpace {
+    /// The same vector for all blocks of a neighbourhood.
+    #[default]
+    Translations,
+    /// Translations and rotations of neighbourhoods about their centres, as springs leave
+    /// free. They follow from [positions](Options::positions), which must be given, and
+    /// [present ones](Solver::set_positions).
+    RigidMotions,
 }
 
 impl Default for Options<'_> {
@@ -74,6 +91,7 @@ impl Default for Options<'_> {
             strategy: Strategy::Double,
             subspace: Subspace::Space,
             packing: Packing::Symmetric,
+            near_null_space: NearNullSpace::Translations,
         }
     }
 }
@@ -95,7 +113,8 @@ pub struct Counts {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct StrategyState {
-    /// Iterations of the last matrix, for all right-hand sides.
+    /// Iterations of the last matrix, for all right-hand sides; `f64::MAX` if one of
+    /// these was given up.
     pub iterations: f64,
     /// Right-hand sides that it was solved for by iteration.
     pub solutions: u32,

@@ -2,6 +2,7 @@
 
 use crate::block::{dot, is_symmetric, place, times};
 use crate::core::{Core, Dimension};
+use crate::iterative::MakeCoarse;
 use crate::{Counts, Interrupt, Options, Price, SolveError, StrategyState};
 
 /// A solver of matrices in a subspace.
@@ -29,11 +30,11 @@ impl<const D: usize, const P: usize, const Q: usize> Reduced<D, P, Q> {
         n_blocks: usize,
         pairs: &[[u32; 2]],
         options: Options<'_>,
-        basis: [[f64; 3]; D],
-        right_hand_side: RightHandSide,
+        (basis, right_hand_side): ([[f64; 3]; D], RightHandSide),
+        make_coarse: MakeCoarse<D, P, Q>,
     ) -> Result<Self, SolveError> {
         Ok(Self {
-            core: Core::analyze(n_blocks, pairs, options)?,
+            core: Core::analyze(n_blocks, pairs, options, make_coarse)?,
             basis,
             right_hand_side,
             diagonal: vec![[0.0; P]; n_blocks],
@@ -47,9 +48,10 @@ impl<const D: usize, const P: usize, const Q: usize> Reduced<D, P, Q> {
         n_blocks: usize,
         pairs: &[[u32; 2]],
         options: Options<'_>,
+        make_coarse: MakeCoarse<D, P, Q>,
     ) -> Result<u64, SolveError> {
         let own = 8 * ((D + P) * n_blocks + Q * pairs.len()) as u64;
-        Ok(own + Core::<D, P, Q>::memory(n_blocks, pairs, options)?)
+        Ok(own + Core::<D, P, Q>::memory(n_blocks, pairs, options, make_coarse)?)
     }
 
     fn solve_in_subspace(
@@ -101,12 +103,27 @@ impl<const D: usize, const P: usize, const Q: usize, const N: usize> Dimension<N
         self.core.factor_price()
     }
 
+    fn expect_uses(&mut self, uses: f64) {
+        self.core.expect_uses(uses);
+    }
+
     fn set_interrupt(&mut self, interrupt: &Interrupt) {
         self.core.set_interrupt(interrupt);
     }
 
     fn counts(&self) -> Counts {
         self.core.counts()
+    }
+
+    fn set_positions(&mut self, positions: &[[f64; 3]]) {
+        let basis = self.basis;
+        self.core.set_positions(positions.iter().map(|position| {
+            let mut reduced = [0.0; 3];
+            for (component, vector) in reduced.iter_mut().zip(&basis) {
+                *component = dot(vector, position);
+            }
+            reduced
+        }));
     }
 
     fn set_matrix(&mut self, diagonal: &[[f64; 6]], upper: &[[f64; N]]) -> Result<(), SolveError> {

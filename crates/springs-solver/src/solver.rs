@@ -1,10 +1,12 @@
 //! Systems on a pattern analyzed once.
 
 use crate::core::{Core, Dimension};
+use crate::iterative::{in_plane, in_space, translations};
 use crate::packing::Upper;
 use crate::reduced::{Reduced, RightHandSide};
 use crate::{
-    Counts, Interrupt, OffDiagonal, Options, Packing, Price, SolveError, StrategyState, Subspace,
+    Counts, Interrupt, NearNullSpace, OffDiagonal, Options, Packing, Price, SolveError,
+    StrategyState, Subspace,
 };
 
 /// A solver of A x = b with matrices of one pattern.
@@ -25,6 +27,7 @@ pub struct Solver {
     n_blocks: usize,
     n_pairs: usize,
     solutions: u64,
+    near_null_space: NearNullSpace,
     kind: Kind,
 }
 
@@ -48,8 +51,8 @@ impl Solver {
     ///
     /// # Panics
     ///
-    /// If there are positions, but not one per block, or off-diagonal blocks are
-    /// general where all are said to be multiples of the identity.
+    /// If there are positions, but not one per block, or none for rigid motions, or
+    /// off-diagonal blocks are general where all are said to be multiples of the identity.
     pub fn analyze(
         n_blocks: usize,
         pairs: &[[u32; 2]],
@@ -63,12 +66,17 @@ impl Solver {
                 Kind::General(dimension, Upper::new(pairs))
             }
         };
-        Ok(Self {
+        let mut solver = Self {
             n_blocks,
             n_pairs: pairs.len(),
             solutions: 0,
+            near_null_space: options.near_null_space,
             kind,
-        })
+        };
+        if options.near_null_space == NearNullSpace::RigidMotions {
+            solver.set_positions(options.positions.expect("positions for rigid motions"));
+        }
+        Ok(solver)
     }
 
     /// What systems with such a pattern will cost, roughly.
@@ -141,12 +149,40 @@ impl Solver {
         }
     }
 
+    /// From the next matrix on, a factor of one would serve in place of so many matrices
+    /// that are solved by iteration: of one (the default), or of several where their owner
+    /// keeps a factor for the systems that follow. The strategy is chosen accordingly.
+    pub fn expect_uses(&mut self, uses: f64) {
+        match &mut self.kind {
+            Kind::Symmetric(solver) => solver.expect_uses(uses),
+            Kind::General(solver, _) => solver.expect_uses(uses),
+        }
+    }
+
     /// Whom to hear while a matrix is taken or a system solved: asked to stop,
     /// that ends soon with [`SolveError::Interrupted`].
     pub fn set_interrupt(&mut self, interrupt: &Interrupt) {
         match &mut self.kind {
             Kind::Symmetric(solver) => solver.set_interrupt(interrupt),
             Kind::General(solver, _) => solver.set_interrupt(interrupt),
+        }
+    }
+
+    /// Takes the present positions, one per block: rigid motions are those of these
+    /// from the next matrix on. Only differences of positions matter. Without effect on
+    /// other near null spaces.
+    ///
+    /// # Panics
+    ///
+    /// If there is not one position per block.
+    pub fn set_positions(&mut self, positions: &[[f64; 3]]) {
+        assert_eq!(positions.len(), self.n_blocks, "one position per block");
+        if self.near_null_space != NearNullSpace::RigidMotions {
+            return;
+        }
+        match &mut self.kind {
+            Kind::Symmetric(solver) => solver.set_positions(positions),
+            Kind::General(solver, _) => solver.set_positions(positions),
         }
     }
 
@@ -236,13 +272,19 @@ fn dimension<const N: usize, const OF_PLANE: usize>(
 ) -> Result<Box<dyn Dimension<N>>, SolveError> {
     use RightHandSide::{Anywhere, InSubspace};
     let line = |direction, right_hand_side| {
-        Reduced::<1, 1, 1>::new(n_blocks, pairs, options, [direction], right_hand_side)
+        let solved = ([direction], right_hand_side);
+        Reduced::<1, 1, 1>::new(n_blocks, pairs, options, solved, translations)
     };
     Ok(match options.subspace {
-        Subspace::Space => Box::new(Core::<3, 6, N>::analyze(n_blocks, pairs, options)?),
-        Subspace::Plane(basis) => Box::new(Reduced::<2, 3, OF_PLANE>::new(
-            n_blocks, pairs, options, basis, InSubspace,
+        Subspace::Space => Box::new(Core::<3, 6, N>::analyze(
+            n_blocks, pairs, options, in_space,
         )?),
+        Subspace::Plane(basis) => {
+            let solved = (basis, InSubspace);
+            let reduced =
+                Reduced::<2, 3, OF_PLANE>::new(n_blocks, pairs, options, solved, in_plane)?;
+            Box::new(reduced)
+        }
         Subspace::Line(direction) => Box::new(line(direction, InSubspace)?),
         Subspace::Isotropic => Box::new(line([1.0, 0.0, 0.0], Anywhere)?),
     })
@@ -273,10 +315,10 @@ fn memory<const N: usize, const OF_PLANE: usize>(
     options: Options<'_>,
 ) -> Result<u64, SolveError> {
     match options.subspace {
-        Subspace::Space => Core::<3, 6, N>::memory(n_blocks, pairs, options),
-        Subspace::Plane(_) => Reduced::<2, 3, OF_PLANE>::memory(n_blocks, pairs, options),
+        Subspace::Space => Core::<3, 6, N>::memory(n_blocks, pairs, options, in_space),
+        Subspace::Plane(_) => Reduced::<2, 3, OF_PLANE>::memory(n_blocks, pairs, options, in_plane),
         Subspace::Line(_) | Subspace::Isotropic => {
-            Reduced::<1, 1, 1>::memory(n_blocks, pairs, options)
+            Reduced::<1, 1, 1>::memory(n_blocks, pairs, options, translations)
         }
     }
 }

@@ -58,11 +58,13 @@ pub(crate) struct Chooser {
     asked: Strategy,
     pub(crate) factor_price: Price,
     iteration: f64,
+    /// How many matrices a factor of one serves in place of.
+    uses: f64,
     pub(crate) strategy_state: StrategyState,
 }
 
 /// Iterations that a matrix is expected to take.
-const USUAL_ITERATIONS: f64 = 40.0;
+pub(crate) const USUAL_ITERATIONS: f64 = 20.0;
 /// A preconditioner is made in the time of so many iterations.
 const PREPARATION: f64 = 4.0;
 /// Iteration is given up when it has cost so many times what a factor would have,
@@ -89,6 +91,7 @@ impl Chooser {
             },
             factor_price: Price::with_factor(size.entries, size.flops),
             iteration,
+            uses: 1.0,
             strategy_state: StrategyState {
                 next_pause: FIRST_PAUSE,
                 ..StrategyState::default()
@@ -107,7 +110,12 @@ impl Chooser {
     }
 
     fn with_factor(&self, solutions: u32) -> f64 {
-        self.factor_price.matrix + f64::from(solutions) * self.factor_price.solution
+        self.factor_price.matrix / self.uses + f64::from(solutions) * self.factor_price.solution
+    }
+
+    /// See [`crate::Solver::expect_uses`].
+    pub(crate) fn expect_uses(&mut self, uses: f64) {
+        self.uses = uses.max(1.0);
     }
 
     /// Whether iteration without a factor is ever wanted.
@@ -150,6 +158,11 @@ impl Chooser {
     pub(crate) fn record(&mut self, iterations: u64) {
         self.strategy_state.iterations += iterations as f64;
         self.strategy_state.solutions = self.strategy_state.solutions.saturating_add(1);
+    }
+
+    /// Takes note that it came to nothing.
+    pub(crate) fn record_stall(&mut self) {
+        self.strategy_state.iterations = f64::MAX;
     }
 
     /// Iterations after which the next solution is given up.

@@ -9,7 +9,7 @@ use crate::block::dot;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Ending {
     Converged,
-    /// Too many iterations.
+    /// Too many iterations, or rounding is all there is.
     Stalled,
     Interrupted,
     /// A direction d with dᵀA d ≤ 0, largest in this block.
@@ -37,6 +37,7 @@ pub(crate) struct ConjugateGradients<const D: usize> {
     pub(crate) residual: Vec<[f64; D]>,
     preconditioned: Vec<[f64; D]>,
     direction: Vec<[f64; D]>,
+    /// A times the direction.
     product: Vec<[f64; D]>,
     /// Iterations of all solutions.
     pub(crate) iterations: u64,
@@ -81,19 +82,25 @@ impl<const D: usize> ConjugateGradients<D> {
             return Ending::Converged;
         }
         let first = remaining;
-        self.direction.copy_from_slice(&self.preconditioned);
+        self.direction.fill([0.0; D]);
+        self.product.fill([0.0; D]);
+        let mut contraction = 0.0;
         for _ in 0..most_iterations {
             if interrupt.is_requested() {
                 return Ending::Interrupted;
             }
             self.iterations += 1;
-            matrix.multiply(&self.direction, &mut self.product);
-            let curvature = product(&self.direction, &self.product);
+            let curvature = self.turn(matrix, preconditioner, contraction);
             // Not a number, too, is not positive.
             let is_positive = curvature > 0.0;
             if !is_positive {
-                return Ending::Indefinite {
-                    block: largest(&self.direction),
+                // Products carried from direction to direction gather rounding.
+                return if matrix.quadratic_form(&self.direction) > 0.0 {
+                    Ending::Stalled
+                } else {
+                    Ending::Indefinite {
+                        block: largest(&self.direction),
+                    }
                 };
             }
             let length = remaining / curvature;
@@ -106,23 +113,43 @@ impl<const D: usize> ConjugateGradients<D> {
                 add_multiple(x, &self.preconditioned, 1.0);
                 return Ending::Converged;
             }
-            let contraction = remaining / last;
-            for (direction, preconditioned) in self.direction.iter_mut().zip(&self.preconditioned) {
-                for (d, p) in direction.iter_mut().zip(preconditioned) {
-                    *d = p + contraction * *d;
-                }
-            }
+            contraction = remaining / last;
         }
         Ending::Stalled
+    }
+
+    /// The next direction d, from what the preconditioner has just given and the last one,
+    /// with its product A d; gives dᵀA d.
+    fn turn<const P: usize, const Q: usize>(
+        &mut self,
+        matrix: &Rows<P, Q>,
+        preconditioner: &mut Multilevel<D, P, Q>,
+        contraction: f64,
+    ) -> f64 {
+        let change = preconditioner.change_of_last_sweep(&self.preconditioned);
+        let mut curvature = 0.0;
+        for (row, d) in self.direction.iter_mut().enumerate() {
+            let (z, r) = (&self.preconditioned[row], &self.residual[row]);
+            let (change, product) = (matrix.lower_row(row, change), &mut self.product[row]);
+            for axis in 0..D {
+                d[axis] = z[axis] + contraction * d[axis];
+                product[axis] = r[axis] + change[axis] + contraction * product[axis];
+            }
+            curvature += dot(d, product);
+        }
+        curvature
     }
 
     /// The residual of x = (last x) + (last correction), from that before.
     pub(crate) fn residual_after_correction<const P: usize, const Q: usize>(
         &mut self,
         matrix: &Rows<P, Q>,
+        preconditioner: &mut Multilevel<D, P, Q>,
     ) -> &[[f64; D]] {
-        matrix.multiply(&self.preconditioned, &mut self.product);
-        add_multiple(&mut self.residual, &self.product, -1.0);
+        let change = preconditioner.change_of_last_sweep(&self.preconditioned);
+        for (row, r) in self.residual.iter_mut().enumerate() {
+            *r = matrix.lower_row(row, change).map(|entry| -entry);
+        }
         &self.residual
     }
 }

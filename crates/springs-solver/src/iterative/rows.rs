@@ -1,18 +1,19 @@
-//! Symmetric matrices of blocks, by rows of the upper triangle.
+//! Symmetric matrices of blocks, by rows of the lower triangle.
 
 use crate::SolveError;
-use crate::block::{Rounding, add, invert, subtract, times, times_transposed};
+use crate::block::{Rounding, add, dot, invert, subtract, times, times_transposed};
 use crate::storage::filled;
 
-/// A symmetric matrix: the diagonal with P numbers a block, and the strictly upper
-/// triangle with Q numbers a block, row by row with ascending columns.
+/// A symmetric matrix D + L + Lᵀ: the diagonal with P numbers a block, and the strictly
+/// lower triangle with Q numbers a block, row by row with ascending columns. Blocks are
+/// kept as they stand above the diagonal, in Lᵀ.
 pub(crate) struct Rows<const P: usize, const Q: usize> {
     starts: Vec<usize>,
     columns: Vec<u32>,
     /// Which of the caller's pairs each entry is.
     sources: Vec<u32>,
     diagonal: Vec<[f64; P]>,
-    upper: Vec<[f64; Q]>,
+    blocks: Vec<[f64; Q]>,
 }
 
 impl<const P: usize, const Q: usize> Rows<P, Q> {
@@ -21,7 +22,7 @@ impl<const P: usize, const Q: usize> Rows<P, Q> {
         let mut entries: Vec<([u32; 2], u32)> = pairs
             .iter()
             .zip(0..)
-            .map(|(&[a, b], pair)| ([a.min(b), a.max(b)], pair))
+            .map(|(&[a, b], pair)| ([a.max(b), a.min(b)], pair))
             .collect();
         entries.sort_unstable();
         let starts = (0..=n_blocks)
@@ -32,7 +33,7 @@ impl<const P: usize, const Q: usize> Rows<P, Q> {
             columns: entries.iter().map(|entry| entry.0[1]).collect(),
             sources: entries.iter().map(|entry| entry.1).collect(),
             diagonal: vec![[0.0; P]; n_blocks],
-            upper: vec![[0.0; Q]; pairs.len()],
+            blocks: vec![[0.0; Q]; pairs.len()],
         }
     }
 
@@ -46,7 +47,7 @@ impl<const P: usize, const Q: usize> Rows<P, Q> {
     }
 
     pub(crate) fn n_pairs(&self) -> usize {
-        self.upper.len()
+        self.blocks.len()
     }
 
     pub(crate) fn diagonal(&self) -> &[[f64; P]] {
@@ -56,105 +57,97 @@ impl<const P: usize, const Q: usize> Rows<P, Q> {
     /// Takes values, off-diagonal ones in the order of the caller's pairs.
     pub(crate) fn set(&mut self, diagonal: &[[f64; P]], off_diagonal: &[[f64; Q]]) {
         self.diagonal.copy_from_slice(diagonal);
-        for (entry, &source) in self.upper.iter_mut().zip(&self.sources) {
+        for (entry, &source) in self.blocks.iter_mut().zip(&self.sources) {
             *entry = off_diagonal[source as usize];
         }
     }
 
-    /// Every off-diagonal block once: row, column, the caller's pair, values.
+    /// Every block above the diagonal: row, column, the caller's pair, values.
     pub(crate) fn pairs(&self) -> impl Iterator<Item = (usize, usize, usize, &[f64; Q])> {
-        (0..self.n_blocks()).flat_map(move |row| {
-            self.row(row)
-                .map(move |(column, entry)| (row, column, self.sources[entry] as usize))
-                .zip(&self.upper[self.starts[row]..self.starts[row + 1]])
-                .map(|((row, column, source), values)| (row, column, source, values))
+        (0..self.n_blocks()).flat_map(move |column| {
+            let entries = self.starts[column]..self.starts[column + 1];
+            let sources = &self.sources[entries];
+            self.row(column)
+                .zip(sources)
+                .map(move |((row, block), &source)| (row, column, source as usize, block))
         })
     }
 
     /// The off-diagonal blocks in the order of the caller's pairs; `None` without
     /// enough memory.
     pub(crate) fn by_pair(&self) -> Option<Vec<[f64; Q]>> {
-        let mut blocks = filled([0.0; Q], self.upper.len())?;
-        for (block, &source) in self.upper.iter().zip(&self.sources) {
+        let mut blocks = filled([0.0; Q], self.blocks.len())?;
+        for (block, &source) in self.blocks.iter().zip(&self.sources) {
             blocks[source as usize] = *block;
         }
         Some(blocks)
     }
 
-    /// Columns right of the diagonal in a row, and where their blocks are.
+    /// Columns left of the diagonal in a row, and the blocks of Lᵀ there.
     #[inline(always)]
-    fn row(&self, row: usize) -> impl DoubleEndedIterator<Item = (usize, usize)> {
+    fn row(&self, row: usize) -> impl Iterator<Item = (usize, &[f64; Q])> {
         let entries = self.starts[row]..self.starts[row + 1];
         let columns = &self.columns[entries.clone()];
-        columns.iter().map(|&column| column as usize).zip(entries)
+        let blocks = &self.blocks[entries];
+        columns.iter().map(|&column| column as usize).zip(blocks)
     }
 
-    /// y = A x.
-    pub(crate) fn multiply<const D: usize>(&self, x: &[[f64; D]], y: &mut [[f64; D]]) {
-        for ((y, x), block) in y.iter_mut().zip(x).zip(&self.diagonal) {
-            *y = times(block, x);
+    /// One row of L x.
+    #[inline(always)]
+    pub(crate) fn lower_row<const D: usize>(&self, row: usize, x: &[[f64; D]]) -> [f64; D] {
+        let mut sum = [0.0; D];
+        for (column, block) in self.row(row) {
+            add(&mut sum, times_transposed(block, &x[column]));
         }
-        for row in 0..self.n_blocks() {
-            let here = x[row];
-            let mut sum = [0.0; D];
-            for (column, entry) in self.row(row) {
-                let block = &self.upper[entry];
-                add(&mut sum, times(block, &x[column]));
-                add(&mut y[column], times_transposed(block, &here));
-            }
-            add(&mut y[row], sum);
-        }
+        sum
     }
 
-    /// y = U x with the strictly upper triangle U.
-    pub(crate) fn multiply_upper<const D: usize>(&self, x: &[[f64; D]], y: &mut [[f64; D]]) {
-        for (row, y) in y.iter_mut().enumerate() {
-            *y = [0.0; D];
-            for (column, entry) in self.row(row) {
-                add(y, times(&self.upper[entry], &x[column]));
-            }
-        }
+    /// xᵀA x.
+    pub(crate) fn quadratic_form<const D: usize>(&self, x: &[[f64; D]]) -> f64 {
+        let of_row = |(row, block): (usize, &[f64; P])| {
+            let own = dot(&x[row], &times(block, &x[row]));
+            own + 2.0 * dot(&x[row], &self.lower_row(row, x))
+        };
+        self.diagonal.iter().enumerate().map(of_row).sum()
     }
 
-    /// y −= L x with the strictly lower triangle L = Uᵀ.
-    pub(crate) fn subtract_lower<const D: usize>(&self, x: &[[f64; D]], y: &mut [[f64; D]]) {
-        for (row, x) in x.iter().enumerate() {
-            for (column, entry) in self.row(row) {
-                subtract(&mut y[column], times_transposed(&self.upper[entry], x));
-            }
-        }
-    }
-
-    /// Solves (D + L) x = b with the inverses of the diagonal blocks; `b` is
-    /// used up.
-    pub(crate) fn solve_lower<const D: usize>(
+    /// Solves (D + L) x = r with the inverses of the diagonal blocks. What is then left of
+    /// r, −Lᵀx, is in `rest`.
+    pub(crate) fn sweep_down<const D: usize>(
         &self,
         inverses: &[[f64; P]],
-        b: &mut [[f64; D]],
+        r: &[[f64; D]],
         x: &mut [[f64; D]],
+        rest: &mut [[f64; D]],
     ) {
         for row in 0..self.n_blocks() {
-            let here = times(&inverses[row], &b[row]);
-            x[row] = here;
-            for (column, entry) in self.row(row) {
-                subtract(&mut b[column], times_transposed(&self.upper[entry], &here));
+            let mut sum = r[row];
+            subtract(&mut sum, self.lower_row(row, x));
+            let here = times(&inverses[row], &sum);
+            (x[row], rest[row]) = (here, [0.0; D]);
+            for (column, block) in self.row(row) {
+                subtract(&mut rest[column], times(block, &here));
             }
         }
     }
 
-    /// Solves (D + U) x = b.
-    pub(crate) fn solve_upper<const D: usize>(
+    /// Solves (D + Lᵀ) z = r − L x; `rest` is used up.
+    pub(crate) fn sweep_up<const D: usize>(
         &self,
         inverses: &[[f64; P]],
-        b: &[[f64; D]],
-        x: &mut [[f64; D]],
+        (r, x): (&[[f64; D]], &[[f64; D]]),
+        z: &mut [[f64; D]],
+        rest: &mut [[f64; D]],
     ) {
+        rest.copy_from_slice(r);
         for row in (0..self.n_blocks()).rev() {
-            let mut rest = b[row];
-            for (column, entry) in self.row(row) {
-                subtract(&mut rest, times(&self.upper[entry], &x[column]));
+            let mut sum = rest[row];
+            subtract(&mut sum, self.lower_row(row, x));
+            let here = times(&inverses[row], &sum);
+            z[row] = here;
+            for (column, block) in self.row(row) {
+                subtract(&mut rest[column], times(block, &here));
             }
-            x[row] = times(&inverses[row], &rest);
         }
     }
 
@@ -212,44 +205,41 @@ mod tests {
     }
 
     #[test]
-    fn products_and_sweeps_equal_dense_ones() {
+    fn sweeps_equal_dense_ones() {
         let (rows, dense) = example();
-        let x: Vec<[f64; 3]> = (0..4).map(|k| [1.0, f64::from(k), -0.5]).collect();
-        let mut upper = dense.clone();
+        let r: Vec<[f64; 3]> = (0..4).map(|k| [1.0, f64::from(k), -0.5]).collect();
+        let mut lower = dense.clone();
         let mut diagonal = DMatrix::zeros(12, 12);
         for row in 0..12 {
             for column in 0..12 {
-                if column / 3 <= row / 3 {
-                    upper[(row, column)] = 0.0;
+                if column / 3 >= row / 3 {
+                    lower[(row, column)] = 0.0;
                 }
                 if column / 3 == row / 3 {
                     diagonal[(row, column)] = dense[(row, column)];
                 }
             }
         }
-        let mut y = vec![[0.0; 3]; 4];
         let near = |y: &[[f64; 3]], expected: DVector<f64>| {
             let error = (vector(y) - expected).amax();
             assert!(error < 1e-13, "{error:e}");
         };
-        rows.multiply(&x, &mut y);
-        near(&y, &dense * vector(&x));
-        rows.multiply_upper(&x, &mut y);
-        near(&y, &upper * vector(&x));
-        y.fill([1.0; 3]);
-        rows.subtract_lower(&x, &mut y);
-        near(
-            &y,
-            DVector::repeat(12, 1.0) - upper.transpose() * vector(&x),
-        );
+        let products: Vec<_> = (0..4).map(|row| rows.lower_row(row, &r)).collect();
+        near(&products, &lower * vector(&r));
+        let expected = vector(&r).dot(&(&dense * vector(&r)));
+        assert!((rows.quadratic_form(&r) - expected).abs() < 1e-13 * expected.abs());
 
         let mut inverses = vec![[0.0; 6]; 4];
         rows.invert_diagonal::<3>(&mut inverses, Rounding::ByEntry)
             .unwrap();
-        let sum = &diagonal + &upper;
-        rows.solve_upper(&inverses, &x, &mut y);
-        near(&(y.clone()), sum.clone().lu().solve(&vector(&x)).unwrap());
-        rows.solve_lower(&inverses, &mut x.clone(), &mut y);
-        near(&y, sum.transpose().lu().solve(&vector(&x)).unwrap());
+        let zeros = vec![[0.0; 3]; 4];
+        let (mut x, mut z, mut rest) = (zeros.clone(), zeros.clone(), zeros);
+        rows.sweep_down(&inverses, &r, &mut x, &mut rest);
+        let sum = &diagonal + &lower;
+        near(&x, sum.clone().lu().solve(&vector(&r)).unwrap());
+        near(&rest, -lower.transpose() * vector(&x));
+        rows.sweep_up(&inverses, (&r, &x), &mut z, &mut rest);
+        let left = vector(&r) - &lower * vector(&x);
+        near(&z, sum.transpose().lu().solve(&left).unwrap());
     }
 }

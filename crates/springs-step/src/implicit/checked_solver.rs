@@ -82,6 +82,16 @@ impl CheckedSolver {
         self.solver.strategy_state()
     }
 
+    /// As [`Solver::expect_uses`].
+    pub(crate) fn expect_uses(&mut self, uses: f64) {
+        self.solver.expect_uses(uses);
+    }
+
+    /// As [`Solver::set_positions`].
+    pub(crate) fn set_positions(&mut self, positions: &[[f64; 3]]) {
+        self.solver.set_positions(positions);
+    }
+
     /// As [`Solver::factor_price`].
     pub(crate) fn factor_price(&self) -> Price {
         self.solver.factor_price()

@@ -27,6 +27,7 @@ struct Member {
     blocks: Vec<u32>,
     pairs: Vec<u32>,
     solver: CheckedSolver,
+    positions: Vec<[f64; 3]>,
     diagonal: Vec<[f64; 6]>,
     off_diagonal: OffDiagonal,
     x: Vec<Vector3<f64>>,
@@ -75,11 +76,12 @@ impl Components {
     }
 
     /// Finds out which parts of `matrix` are not positive definite, each as if it
-    /// were alone, and counts what that takes. The matrix as a whole failed at
-    /// `failed`, with this right-hand side.
+    /// were alone, and counts what that takes. The matrix, at positions `x`, failed as a
+    /// whole at `failed`, with this right-hand side.
     pub(crate) fn judge(
         &mut self,
         system: &System,
+        x: &[Vector3<f64>],
         matrix: &BlockMatrix,
         (rhs, accuracy): (&[Vector3<f64>], f64),
         failed: usize,
@@ -90,7 +92,7 @@ impl Components {
             counts.symbolic_factorizations += self.n as u64;
         }
         for (member, is_indefinite) in self.members.iter_mut().zip(&mut self.is_indefinite) {
-            *is_indefinite = match member.solve(matrix, rhs, accuracy, counts) {
+            *is_indefinite = match member.solve(x, matrix, rhs, accuracy, counts) {
                 Ok(()) => false,
                 Err(SolveError::NotPositiveDefinite { .. }) => true,
                 Err(error) => return Err(error),
@@ -135,6 +137,7 @@ impl Components {
             solver.set_interrupt(&self.interrupt);
             Ok(Member {
                 solver,
+                positions,
                 diagonal: vec![[0.0; 6]; blocks.len()],
                 off_diagonal: OffDiagonal::zeros(pairs.len(), system.has_symmetric_blocks()),
                 x: vec![Vector3::zeros(); blocks.len()],
@@ -149,19 +152,23 @@ impl Components {
 impl Member {
     fn solve(
         &mut self,
+        positions: &[Vector3<f64>],
         matrix: &BlockMatrix,
         rhs: &[Vector3<f64>],
         accuracy: f64,
         counts: &mut CheckCounts,
     ) -> Result<(), SolveError> {
-        for ((diagonal, x), &block) in self.diagonal.iter_mut().zip(&mut self.x).zip(&self.blocks) {
-            *diagonal = matrix.diagonal()[block as usize];
-            *x = rhs[block as usize];
+        for (at, &block) in self.blocks.iter().enumerate() {
+            let block = block as usize;
+            self.positions[at] = positions[block].into();
+            self.diagonal[at] = matrix.diagonal()[block];
+            self.x[at] = rhs[block];
         }
         self.off_diagonal.take(matrix.off_diagonal(), &self.pairs);
         // The same matrix is judged the same way, whatever came before.
         *self.solver.strategy_state() = StrategyState::default();
         let before = self.solver.counts().factorizations;
+        self.solver.set_positions(&self.positions);
         let set = self.solver.set_matrix(&self.diagonal, &self.off_diagonal);
         let done = set.and_then(|()| {
             self.solver

@@ -6,7 +6,7 @@ use crate::implicit::solver_options::{
     Hessian, Reduced, Steps, checked_solver, is_constant, reduced,
 };
 use crate::threads::threads;
-use crate::vectors::numbers_mut;
+use crate::vectors::{blocks_of, numbers_mut};
 use crate::work::timed;
 use crate::{Archive, MethodError, State, Work};
 use nalgebra::Vector3;
@@ -78,7 +78,7 @@ impl Purpose {
             (Self::Estimate, _) => 1e-2,
             (_, LinearTolerance::Strict) | (Self::HighOrder, _) => 1e-11,
             (Self::Correction, LinearTolerance::Sufficient) => 1e-3,
-            (Self::Step, LinearTolerance::Sufficient) => 1e-6,
+            (Self::Step, LinearTolerance::Sufficient) => 2e-7,
         }
     }
 }
@@ -167,6 +167,11 @@ impl LinearSystem {
         self.setup
     }
 
+    /// As [`springs_solver::Solver::expect_uses`].
+    pub(crate) fn expect_uses(&mut self, uses: f64) {
+        self.solver.expect_uses(uses);
+    }
+
     /// How many solutions cost as much as a matrix does, if it gets a factor.
     pub(crate) fn solutions_per_matrix(&self) -> f64 {
         let price = self.solver.factor_price();
@@ -234,7 +239,7 @@ impl LinearSystem {
             self.attempt(system, clamped, purpose, &mut fill, x, work)?;
             return Ok(self.taken(clamped));
         }
-        self.judge_parts(system, purpose, block, work)?;
+        self.judge_parts(system, at.x, purpose, block, work)?;
         let projected = std::mem::take(&mut self.projected);
         let clamped = Evaluation {
             projection: Projection::Clamp,
@@ -277,11 +282,12 @@ impl LinearSystem {
         self.solve_refined(system, &at, x, purpose, work)
     }
 
-    /// Finds out which connected parts of the last matrix, which failed at `block`,
-    /// are not positive definite, and so which blocks are projected.
+    /// Finds out which connected parts of the last matrix, at positions `x`, which
+    /// failed at `block`, are not positive definite, and so which blocks are projected.
     fn judge_parts(
         &mut self,
         system: &System,
+        x: &[Vector3<f64>],
         purpose: Purpose,
         block: usize,
         work: &mut Work,
@@ -291,7 +297,7 @@ impl LinearSystem {
         let (matrix, rhs) = (&self.out.matrix, (&self.rhs[..], accuracy));
         let judged = timed(&mut work.phases.factorization, || {
             self.components
-                .judge(system, matrix, rhs, block, &mut counts)
+                .judge(system, x, matrix, rhs, block, &mut counts)
         });
         count(counts, work);
         judged.map_err(MethodError::of)?;
@@ -356,6 +362,8 @@ impl LinearSystem {
         let before = self.solver.counts();
         let matrix = &self.out.matrix;
         let done = timed(&mut work.phases.factorization, || {
+            self.solver
+                .set_positions(blocks_of(&at.x[..system.n_free()]));
             self.solver
                 .set_matrix(matrix.diagonal(), matrix.off_diagonal())
         });
@@ -453,6 +461,7 @@ impl LinearSystem {
         // These matrices are stiffer than those of steps, and say nothing about
         // them.
         std::mem::swap(self.solver.strategy_state(), &mut self.of_estimates);
+        self.solver.expect_uses(1.0);
         let mut done = self.linearize(system, at, work);
         for errors in errors {
             for _ in 0..passes {

@@ -6,7 +6,9 @@ use crate::vectors::blocks_of;
 use nalgebra::Vector3;
 use springs_assembly::{Motion, System};
 use springs_scene::{RunOptions, Tangent};
-use springs_solver::{Options, Packing, Price, SolveError, Solver, Strategy, Subspace};
+use springs_solver::{
+    NearNullSpace, Options, Packing, Price, SolveError, Solver, Strategy, Subspace,
+};
 
 /// Which Hessian the matrix of a method has.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -83,6 +85,10 @@ pub(crate) fn solver_options<'a>(
             Packing::Symmetric
         } else {
             Packing::General
+        },
+        near_null_space: match subspace {
+            Subspace::Space | Subspace::Plane(_) => NearNullSpace::RigidMotions,
+            _ => NearNullSpace::Translations,
         },
     };
     (options, normal)

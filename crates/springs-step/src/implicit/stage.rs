@@ -86,6 +86,9 @@ const FILTERED_CORRECTIONS: usize = 60;
 /// the first one there so many times.
 const LARGER: f64 = 2.0;
 const PRIMAL_ITERATIONS: usize = 24;
+/// Corrections that a factor serves where old matrices are used, at best: four to eight.
+/// They need no assembly either.
+const CHORD_USES: f64 = 8.0;
 /// Rounds of both, if each makes progress; fewer where a shorter step can be
 /// made instead.
 const ROUNDS: usize = 40;
@@ -208,6 +211,8 @@ impl Stage {
     ) -> bool {
         let is_chord_wanted = self.chord.begin();
         let goes_on = problem.goes_on && is_chord_wanted && self.linear.has_factor();
+        self.linear
+            .expect_uses(if is_chord_wanted { CHORD_USES } else { 1.0 });
         let mut last = f64::INFINITY;
         let (mut is_new, mut was_new, mut n_matrices) = (!goes_on, false, 0);
         for _ in 0..FILTERED_CORRECTIONS {
@@ -271,6 +276,7 @@ impl Stage {
         work: &mut Work,
     ) -> Result<Descent, MethodError> {
         let c = problem.c;
+        self.linear.expect_uses(1.0);
         let mut last = f64::INFINITY;
         let first = self.merit(system, problem, state, state).0;
         for iteration in 0..PRIMAL_ITERATIONS {

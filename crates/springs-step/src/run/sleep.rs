@@ -3,7 +3,7 @@
 use crate::State;
 use crate::implicit::checked_solver::for_solver;
 use crate::implicit::solver_options::{Hessian, Steps, positions_of, solver_options};
-use crate::vectors::numbers_mut;
+use crate::vectors::{blocks_of, numbers_mut};
 use nalgebra::Vector3;
 use springs_assembly::{Evaluation, Linearization, Motion, Projection, System, Weights};
 use springs_solver::{Solver, StrategyState};
@@ -68,6 +68,7 @@ impl Sleep {
         // The same state is judged the same way, whatever came before.
         *solver.strategy_state() = StrategyState::default();
         let matrix = &self.out.matrix;
+        solver.set_positions(blocks_of(&state.x[..system.n_free()]));
         let set = solver.set_matrix(matrix.diagonal(), for_solver(matrix.off_diagonal()));
         set.ok()?;
         let mut solve = |x: &mut [Vector3<f64>]| solver.solve_in_place(numbers_mut(x), 1e-6).ok();
