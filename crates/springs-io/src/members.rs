@@ -15,7 +15,7 @@ pub static REACTIONS: Table = Table {
     name: "reactions",
     about: "reactions.csv: the force of every support on its node, at each frame",
     file: "reactions.csv",
-    header: "time,node,fx,fy,fz",
+    columns: &["time", "node", "fx", "fy", "fz"],
     rows: Rows::Members(reactions),
 };
 
@@ -31,7 +31,7 @@ pub static SPRINGS: Table = Table {
     name: "springs",
     about: "springs.csv: length, strain and tension of every spring at each frame; peaks.csv",
     file: "springs.csv",
-    header: "time,spring,length,strain,tension,state",
+    columns: &["time", "spring", "length", "strain", "tension", "state"],
     rows: Rows::Members(springs),
 };
 

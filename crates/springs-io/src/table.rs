@@ -17,8 +17,8 @@ pub struct Table {
     pub about: &'static str,
     /// The name of its file.
     pub file: &'static str,
-    /// Names of the columns, with commas between them.
-    pub header: &'static str,
+    /// Names of the columns.
+    pub columns: &'static [&'static str],
     /// What its rows are of.
     pub rows: Rows,
 }
@@ -37,6 +37,13 @@ pub enum Rows {
     Steps(fn(&StepRow, &mut Vec<u8>)),
 }
 
+impl Table {
+    /// Its first line.
+    pub(crate) fn header(&self) -> String {
+        self.columns.join(",")
+    }
+}
+
 impl SinkKind for Table {
     fn name(&self) -> &'static str {
         self.name
@@ -52,7 +59,7 @@ impl SinkKind for Table {
 
     fn begin(&self, folder: &Path, _plan: &RunPlan<'_>) -> Result<Box<dyn Sink>, WriteError> {
         let mut file = GrowingFile::begin(&folder.join(self.file))?;
-        file.append(|bytes| bytes.extend(format!("{}\n", self.header).bytes()))?;
+        file.append(|bytes| bytes.extend(format!("{}\n", self.header()).bytes()))?;
         Ok(Box::new(GrowingTable { table: *self, file }))
     }
 

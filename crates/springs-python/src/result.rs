@@ -3,14 +3,14 @@
 use crate::arrays::{array1, array2, array3};
 use crate::attended::{Progress, Shared, attended};
 use crate::errors::{Fault, interrupted};
-use crate::record::{ENERGIES, Record, Recorder, energies_of};
+use crate::record::{Energies, Record, Recorder};
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods as _};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use springs::filmstrip::{Panel, filmstrip};
 use springs::io::{
-    ENERGIES as ENERGY_TABLE, FrameMembers, Npz, RunEnd, RunPlan, Sink, SinkKind, TrajectoryFrame,
-    WriteError, write_whole,
+    ENERGIES, ENERGY_COLUMNS, FrameEnergies, FrameMembers, Npz, RunEnd, RunPlan, Sink, SinkKind,
+    TrajectoryFrame, WriteError, write_whole,
 };
 use springs::report::{Ending, Timings, TurnedOver, report};
 use springs::scene::{RunOptions, Scene, Vector3};
@@ -123,10 +123,10 @@ impl Run {
     }
 }
 
-fn energies(py: Python<'_>, columns: [Vec<f64>; ENERGIES.len()]) -> PyResult<Bound<'_, PyDict>> {
+fn energies(py: Python<'_>, columns: Energies<Vec<f64>>) -> PyResult<Bound<'_, PyDict>> {
     let energies = PyDict::new(py);
-    for (name, column) in ENERGIES.into_iter().zip(columns) {
-        energies.set_item(name, array1(py, column))?;
+    for (kind, column) in ENERGY_COLUMNS.iter().zip(columns) {
+        energies.set_item(kind.name, array1(py, column))?;
     }
     Ok(energies)
 }
@@ -201,10 +201,10 @@ impl RunResult {
         })
     }
 
-    fn columns(&self, py: Python<'_>) -> PyResult<[Vec<f64>; ENERGIES.len()]> {
-        let mut columns: [Vec<f64>; ENERGIES.len()] = Default::default();
-        for (column, name) in columns.iter_mut().zip(ENERGIES) {
-            let array = self.energy.bind(py).as_any().get_item(name)?;
+    fn columns(&self, py: Python<'_>) -> PyResult<Energies<Vec<f64>>> {
+        let mut columns: Energies<Vec<f64>> = Default::default();
+        for (column, kind) in columns.iter_mut().zip(ENERGY_COLUMNS) {
+            let array = self.energy.bind(py).as_any().get_item(kind.name)?;
             *column = array.cast::<PyArray1<f64>>()?.to_vec().map_err(changed)?;
         }
         Ok(columns)
@@ -260,15 +260,15 @@ impl RunResult {
     fn write_energies(
         &self,
         times: &[f64],
-        columns: &[Vec<f64>; ENERGIES.len()],
+        columns: &Energies<Vec<f64>>,
         folder: &Path,
     ) -> Result<(), Fault> {
-        let mut sink = ENERGY_TABLE
+        let mut sink = ENERGIES
             .begin(folder, &self.plan())
             .map_err(Fault::system)?;
         for (k, &time) in times.iter().enumerate() {
-            let row = std::array::from_fn(|column| columns[column][k]);
-            let energies = energies_of(time, row);
+            let numbers = std::array::from_fn(|column| columns[column][k]);
+            let energies = FrameEnergies::of_numbers(time, numbers);
             sink.energies(&energies).map_err(Fault::system)?;
         }
         self.finish(sink)

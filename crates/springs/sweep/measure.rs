@@ -3,7 +3,7 @@
 use super::Subject;
 use crate::report::{Ending, frame_energies};
 use crate::sinks::default_intervals;
-use springs_io::FrameEnergies;
+use springs_io::ENERGY_COLUMNS;
 use springs_scene::{Start, printable};
 use springs_solver::Interrupt;
 use springs_statics::StaticsError;
@@ -81,20 +81,6 @@ const NODE_QUANTITIES: [(&str, NodeQuantity); 8] = [
     ("displacement", NodeQuantity::Displacement),
 ];
 
-type EnergyLine = (&'static str, fn(&FrameEnergies) -> f64);
-
-const ENERGIES: [EnergyLine; 9] = [
-    ("kinetic", |e| e.energy.kinetic),
-    ("elastic", |e| e.energy.elastic),
-    ("gravity", |e| e.energy.gravity),
-    ("total", |e| e.energy.total),
-    ("anchor_work", |e| e.anchor_work),
-    ("load_work", |e| e.load_work),
-    ("dashpot_heat", |e| e.dashpot_heat),
-    ("broken_energy", |e| e.broken_energy),
-    ("method", |e| e.method_gain),
-];
-
 /// There is no such measure.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
@@ -125,7 +111,7 @@ pub fn what_can_be_measured() -> String {
          one spring), {} of a node (as z[3]), speed (of the fastest node), or an energy ({}); \
          and {}",
         list(&mut NODE_QUANTITIES.iter().map(|(name, _)| *name)),
-        list(&mut ENERGIES.iter().map(|(name, _)| *name)),
+        list(&mut ENERGY_COLUMNS.iter().map(|column| column.name)),
         list(&mut COUNTS.iter().map(|(name, _)| *name)),
     )
 }
@@ -163,7 +149,11 @@ fn over(name: &str) -> Option<What> {
         Some(None) => return None,
         None => (quantity, None),
     };
-    let energy = || ENERGIES.iter().position(|(known, _)| *known == quantity);
+    let energy = || {
+        ENERGY_COLUMNS
+            .iter()
+            .position(|column| column.name == quantity)
+    };
     let quantity = match (quantity, index) {
         ("tension", index) => Quantity::Tension(index),
         ("strain", index) => Quantity::Strain(index),
@@ -408,9 +398,9 @@ impl Observer for Watch<'_> {
 
     fn account(&mut self, account: Account) -> ControlFlow<()> {
         self.awaits_energies = false;
-        let energies = frame_energies(&account);
+        let energies = frame_energies(&account).numbers();
         self.take(|quantity, _| match quantity {
-            Quantity::Energy(line) => Some(ENERGIES[line].1(&energies)),
+            Quantity::Energy(index) => Some(energies[index]),
             _ => None,
         });
         ControlFlow::Continue(())
