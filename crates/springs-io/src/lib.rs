@@ -75,7 +75,7 @@ pub use report::{
 pub use rows::{TableError, TableRow, TableRows};
 pub use sink::{
     FrameEnergies, FrameMembers, Mark, ProbeSamples, ResumeSink, RunEnd, RunPlan, Sink, SinkKind,
-    TensionPeak, TrajectoryFrame,
+    TensionPeak, TrajectoryFrame, Written,
 };
 pub use springs::{Inputs, SpringInput};
 pub use statics::{

@@ -4,6 +4,7 @@ use crate::atomic::{WriteError, write_whole};
 use crate::growing::ContinueError;
 use crate::sink::{
     FrameMembers, Mark, ResumeSink, RunEnd, RunPlan, Sink, SinkKind, TensionPeak, TrajectoryFrame,
+    Written,
 };
 use crate::table::{Rows, Table};
 use springs_scene::Spring;
@@ -166,16 +167,8 @@ impl Sink for WithPeaks {
         self.frames.frame(frame)
     }
 
-    fn n_unwritten(&self) -> usize {
-        self.frames.n_unwritten()
-    }
-
-    fn keep(&mut self) -> Result<Vec<String>, WriteError> {
-        self.frames.keep()
-    }
-
-    fn mark(&self) -> Mark {
-        self.frames.mark()
+    fn written(&mut self) -> &mut dyn Written {
+        self.frames.written()
     }
 
     fn finish(self: Box<Self>, end: &RunEnd<'_>) -> Result<(), WriteError> {

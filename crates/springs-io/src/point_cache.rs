@@ -6,7 +6,7 @@
 
 use crate::atomic::WriteError;
 use crate::growing::{ContinueError, FileMark, GrowingFile, part_name};
-use crate::sink::{Mark, ResumeSink, RunEnd, RunPlan, Sink, SinkKind, TrajectoryFrame};
+use crate::sink::{Mark, ResumeSink, RunEnd, RunPlan, Sink, SinkKind, TrajectoryFrame, Written};
 use serde::{Deserialize, Serialize};
 use springs_scene::Scene;
 use std::io::Write as _;
@@ -44,9 +44,9 @@ impl SinkKind for PointCache {
         let mut mesh = GrowingFile::begin(&folder.join(MESH))?;
         mesh.append(|bytes| write_mesh(plan.scene, bytes))?;
         let n_points = plan.scene.nodes.len();
+        let points = GrowingFile::begin_with_header(&folder.join(POINTS), &header(n_points, 0))?;
         Ok(Box::new(Samples {
-            mesh,
-            points: GrowingFile::begin_with_header(&folder.join(POINTS), &header(n_points, 0))?,
+            files: Files { mesh, points },
             n_points,
             n_samples: 0,
         }))
@@ -68,9 +68,12 @@ impl SinkKind for PointCache {
         let mesh = GrowingFile::find(&folder.join(MESH), mesh)?;
         let points = GrowingFile::find_with_header(&folder.join(POINTS), N_HEADER, points)?;
         Ok(Box::new(move || {
-            Ok(Box::new(Samples {
+            let files = Files {
                 mesh: mesh.go_on()?,
                 points: points.go_on()?,
+            };
+            Ok(Box::new(Samples {
+                files,
                 n_points,
                 n_samples: n_bytes / sample.max(1),
             }))
@@ -78,9 +81,13 @@ impl SinkKind for PointCache {
     }
 }
 
-struct Samples {
+struct Files {
     mesh: GrowingFile,
     points: GrowingFile,
+}
+
+struct Samples {
+    files: Files,
     n_points: usize,
     n_samples: u64,
 }
@@ -88,14 +95,28 @@ struct Samples {
 impl Sink for Samples {
     fn frame(&mut self, frame: &TrajectoryFrame<'_>) -> Result<(), WriteError> {
         self.n_samples += 1;
-        self.points.append(|bytes| {
+        let points = &mut self.files.points;
+        points.append(|bytes| {
             let numbers = frame.positions.iter().flat_map(|x| [x.x, x.y, x.z]);
             bytes.extend(numbers.flat_map(|number| (number as f32).to_le_bytes()));
         })?;
-        self.points
-            .set_header(&header(self.n_points, self.n_samples))
+        points.set_header(&header(self.n_points, self.n_samples))
     }
 
+    fn written(&mut self) -> &mut dyn Written {
+        &mut self.files
+    }
+
+    fn finish(self: Box<Self>, _end: &RunEnd<'_>) -> Result<(), WriteError> {
+        let Files { mesh, mut points } = self.files;
+        // One that was resumed may have had no frame since.
+        points.set_header(&header(self.n_points, self.n_samples))?;
+        mesh.finish()?;
+        points.finish()
+    }
+}
+
+impl Written for Files {
     fn n_unwritten(&self) -> usize {
         self.mesh.n_unwritten() + self.points.n_unwritten()
     }
@@ -111,14 +132,6 @@ impl Sink for Samples {
             mesh: self.mesh.mark(),
             points: self.points.mark(),
         })
-    }
-
-    fn finish(mut self: Box<Self>, _end: &RunEnd<'_>) -> Result<(), WriteError> {
-        // One that was resumed may have had no frame since.
-        self.points
-            .set_header(&header(self.n_points, self.n_samples))?;
-        self.mesh.finish()?;
-        self.points.finish()
     }
 }
 

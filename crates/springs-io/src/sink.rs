@@ -116,6 +116,19 @@ pub trait Sink: Send {
         Ok(())
     }
 
+    /// What it has written so far, such as a [`GrowingFile`](crate::GrowingFile).
+    fn written(&mut self) -> &mut dyn Written;
+
+    /// Completes the files.
+    ///
+    /// # Errors
+    ///
+    /// If they cannot be written.
+    fn finish(self: Box<Self>, end: &RunEnd<'_>) -> Result<(), WriteError>;
+}
+
+/// What an output has written so far.
+pub trait Written {
     /// Number of bytes that could not be written so far.
     fn n_unwritten(&self) -> usize {
         0
@@ -126,7 +139,7 @@ pub trait Sink: Send {
     ///
     /// # Errors
     ///
-    /// If that cannot be done; the sink goes on as before.
+    /// If that cannot be done; the output goes on as before.
     fn keep(&mut self) -> Result<Vec<String>, WriteError> {
         Ok(Vec::new())
     }
@@ -134,13 +147,6 @@ pub trait Sink: Send {
     /// What [`SinkKind::resume`] needs to go on from here, as long as what is
     /// written is kept or finished.
     fn mark(&self) -> Mark;
-
-    /// Completes the files.
-    ///
-    /// # Errors
-    ///
-    /// If they cannot be written.
-    fn finish(self: Box<Self>, end: &RunEnd<'_>) -> Result<(), WriteError>;
 }
 
 /// What is known of a run before it begins.

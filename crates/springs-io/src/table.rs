@@ -1,9 +1,10 @@
 //! Outputs that are a table as CSV.
 
 use crate::atomic::WriteError;
-use crate::growing::{ContinueError, FileMark, GrowingFile, part_name};
+use crate::growing::{ContinueError, FileMark, GrowingFile};
 use crate::sink::{
-    FrameEnergies, FrameMembers, Mark, ResumeSink, RunEnd, RunPlan, Sink, SinkKind, TrajectoryFrame,
+    FrameEnergies, FrameMembers, Mark, ResumeSink, RunEnd, RunPlan, Sink, SinkKind,
+    TrajectoryFrame, Written,
 };
 use crate::steps::StepRow;
 use std::path::Path;
@@ -121,17 +122,8 @@ impl Sink for GrowingTable {
         Ok(())
     }
 
-    fn n_unwritten(&self) -> usize {
-        self.file.n_unwritten()
-    }
-
-    fn keep(&mut self) -> Result<Vec<String>, WriteError> {
-        self.file.keep()?;
-        Ok(vec![part_name(self.table.file)])
-    }
-
-    fn mark(&self) -> Mark {
-        Mark::of(&self.file.mark())
+    fn written(&mut self) -> &mut dyn Written {
+        &mut self.file
     }
 
     fn finish(self: Box<Self>, _end: &RunEnd<'_>) -> Result<(), WriteError> {
