@@ -52,6 +52,14 @@ pub fn tension_peaks(islands: &Islands) -> Vec<TensionPeak> {
     peaks.collect()
 }
 
+/// Intervals between the frames of a run of a scene: as many as it says, or 60 a second.
+pub fn intervals(scene: &Scene) -> usize {
+    match scene.output.frames {
+        Some(frames) => frames as usize,
+        None => default_intervals(scene),
+    }
+}
+
 /// Intervals between the frames of a run where nothing else is said: 60 a second.
 pub fn default_intervals(scene: &Scene) -> usize {
     (60.0 * scene.settings.duration).round().max(1.0) as usize

@@ -6,6 +6,7 @@ use pyo3::PyResult;
 use springs::io::ENERGY_COLUMNS;
 use springs::report::{TurnedOver, frame_energies};
 use springs::step::{Account, Frame, Observer};
+use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
 /// A number of each [`ENERGY_COLUMNS`].
@@ -19,6 +20,8 @@ pub(crate) struct Record {
     pub(crate) velocities: Vec<f64>,
     pub(crate) tensions: Vec<f64>,
     pub(crate) energies: Energies<Vec<f64>>,
+    /// Springs that were broken, and since which frame.
+    pub(crate) broken_since: BTreeMap<usize, usize>,
 }
 
 impl Record {
@@ -102,6 +105,9 @@ impl Observer for Recorder {
         record.velocities.extend(nodes.velocities.iter().flatten());
         if let Some(members) = frame.members {
             record.tensions.extend(&members.tensions);
+            for &spring in &members.broken {
+                record.broken_since.entry(spring).or_insert(frame.index);
+            }
         }
         self.awaits_energies = true;
         ControlFlow::Continue(())
