@@ -3,6 +3,9 @@
 //!
 //! `points.pc2` is a PC2 file: a header of 32 bytes, then x, y, z of all points, sample by
 //! sample, as `f32`. The header has the number of samples so far after each of them.
+//!
+//! Blender leaves out vertices that no line has, and Mesh Cache then plays nothing: a node
+//! without springs has a line to itself, which makes no edge.
 
 use crate::atomic::WriteError;
 use crate::growing::{ContinueError, FileMark, GrowingFile, part_name};
@@ -146,14 +149,21 @@ fn header(n_points: usize, n_samples: u64) -> Vec<u8> {
     bytes
 }
 
+/// Nodes are counted from 1 there.
+fn write_line([first, second]: [usize; 2], bytes: &mut Vec<u8>) {
+    writeln!(bytes, "l {} {}", first + 1, second + 1).expect("writing to memory");
+}
+
 fn write_mesh(scene: &Scene, bytes: &mut Vec<u8>) {
     for node in 0..scene.nodes.len() {
         let x = scene.start_position(node);
         writeln!(bytes, "v {:?} {:?} {:?}", x.x, x.y, x.z).expect("writing to memory");
     }
-    for spring in &scene.springs {
-        // Counted from 1.
-        let [first, second] = spring.nodes.map(|node| node + 1);
-        writeln!(bytes, "l {first} {second}").expect("writing to memory");
+    let mut has_line = vec![false; scene.nodes.len()];
+    for [first, second] in scene.springs.iter().map(|spring| spring.nodes) {
+        [has_line[first], has_line[second]] = [true, true];
+        write_line([first, second], bytes);
     }
+    let loose = (0..has_line.len()).filter(|&node| !has_line[node]);
+    loose.for_each(|node| write_line([node, node], bytes));
 }
