@@ -21,7 +21,7 @@ pub trait SinkKind: Send + Sync {
 
     /// The files that it leaves in the folder of the run; a name that ends in `/` is
     /// that of a folder of numbered files. Until they are complete they are there under
-    /// other names or, [kept](Sink::keep), with `.part` added.
+    /// other names or, [kept](Written::keep), with `.part` added.
     fn files(&self) -> Vec<&'static str>;
 
     /// The names of outputs that it is made of, which are written, too, and finished
@@ -37,7 +37,7 @@ pub trait SinkKind: Send + Sync {
     /// If it cannot be written.
     fn begin(&self, folder: &Path, plan: &RunPlan<'_>) -> Result<Box<dyn Sink>, WriteError>;
 
-    /// Finds what a sink has written up to its [mark](Sink::mark). Nothing is
+    /// Finds what a sink has written up to its [mark](Written::mark). Nothing is
     /// changed until the result is called: all outputs of a run must be found
     /// first.
     ///
