@@ -22,12 +22,12 @@ pub struct Forecast {
     pub steps: Option<u64>,
     /// Processor time of all steps, in s, where their number is known.
     pub seconds: Option<f64>,
-    /// Where steps are chosen by the error, by DOP853 or by `auto`, which then takes DOP853 or
-    /// something cheaper: as many as DOP853 usually makes.
-    pub usual: Option<UsualSteps>,
     /// Where it is not: that of velocity Verlet at half its limit of stability, in s, which a run
     /// for a loose error hardly exceeds; `None` if it cannot move the scene.
     pub seconds_if_resolved: Option<f64>,
+    /// Where steps are chosen by the error, by DOP853 or by `auto`, which then takes DOP853 or
+    /// something cheaper: as many as DOP853 usually makes.
+    pub usual: Option<UsualSteps>,
 }
 
 /// Steps that DOP853 makes for an error, as far as that can be known before.

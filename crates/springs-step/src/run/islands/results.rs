@@ -88,13 +88,11 @@ impl Islands {
     }
 
     /// The error of positions now, in m, by the estimates of the methods: that of the worst
-    /// part. `None` where a part has none.
+    /// part. `None` where a part that has moved has none.
     pub fn estimated_error(&self) -> Option<f64> {
-        let parts = self
-            .parts
-            .iter()
-            .map(|part| part.simulation.estimated_error());
-        let errors: Option<Vec<f64>> = parts.collect();
+        let simulations = self.parts.iter().map(|part| &part.simulation);
+        let moved = simulations.filter(|simulation| simulation.stepper().steps() > 0);
+        let errors: Option<Vec<f64>> = moved.map(|one| one.estimated_error()).collect();
         errors?.into_iter().reduce(f64::max)
     }
 
