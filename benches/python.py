@@ -1,6 +1,7 @@
 """What Python adds to steps: 1e5 steps of a scene of 100 nodes from Python and from the
-command line, and `advance` of one step, with and without a change of all rest lengths. Processor times in s, the least of several, those of
-the command line with its start and end.
+command line, `advance` of one step, with and without a change of all rest lengths, and which
+part of a closed loop is stepping. Processor times in s, the least of several, those of the
+command line with its start and end.
 
     python benches/python.py target/release/springs
 """
@@ -96,6 +97,30 @@ def main():
             f"advance of one {1e6 * (single - inside):+.2f} us, "
             f"with other rest lengths {1e6 * (changed - inside):+.2f} us"
         )
+    closed_loop(s)
+
+
+def closed_loop(s):
+    """A loop as in the guide: reads x and v, sets all rest lengths, and makes four steps, 60 times
+    a simulated second."""
+    sim = s.simulation(step=1 / 240, method="tr-bdf2", threads=1)
+    rest = sim.rest_length
+    seconds = {"reading": 0.0, "policy": 0.0, "changes": 0.0, "steps": 0.0}
+
+    def timed(name, work):
+        begin = time.process_time()
+        result = work()
+        seconds[name] += time.process_time() - begin
+        return result
+
+    for _ in range(600):
+        x, v = timed("reading", lambda: (sim.x, sim.v))
+        factor = timed("policy", lambda: 1 + 0.01 * np.tanh(x[1:2, 2] + v[1:2, 2]))
+        timed("changes", lambda: setattr(sim, "rest_length", rest * factor))
+        timed("steps", lambda: sim.advance(1 / 60))
+    total = sum(seconds.values())
+    shares = ", ".join(f"{name} {100 * one / total:.1f} %" for name, one in seconds.items())
+    print(f"closed loop, tr-bdf2: {1e6 * total / 600:.0f} us a turn of four steps: {shares}")
 
 
 if __name__ == "__main__":

@@ -130,3 +130,15 @@ fn packages_hold_what_they_should() {
         "the root package must not hold other crates"
     );
 }
+
+/// What is cited is what is built.
+#[test]
+fn the_citation_names_this_version() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("CITATION.cff");
+    let text = std::fs::read_to_string(path).unwrap();
+    let version = concat!("\nversion: ", env!("CARGO_PKG_VERSION"), "\n");
+    assert!(text.contains(version), "not{version}");
+    for licence in env!("CARGO_PKG_LICENSE").split(" OR ") {
+        assert!(text.contains(&format!("\n  - {licence}\n")), "{licence}");
+    }
+}

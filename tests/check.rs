@@ -184,3 +184,22 @@ fn examples_raise_the_warnings_that_are_known() {
     }
     assert_eq!(n_warnings, known.len());
 }
+
+/// Steps that the error chooses are within what was told before.
+#[test]
+fn steps_of_dop853_are_as_forecast() {
+    let workspace = Workspace::new();
+    workspace.scene("cloth.ron", "cloth 8 --duration 1");
+    for tolerance in ["1e-2", "1e-4"] {
+        let how = format!("cloth.ron --method dop853 --tolerance {tolerance}");
+        let check = json(&workspace, &how);
+        let [least, most] =
+            [0, 1].map(|k| check["forecast"]["usual"]["steps"][k].as_u64().unwrap());
+        workspace.expect(0, &format!("run {how} --out o --force --quiet"));
+        let steps = workspace.report("o")["steps"].as_u64().unwrap();
+        assert!((least..=most).contains(&steps), "{least} {steps} {most}");
+    }
+    // What comes from the error is not known of other methods.
+    let text = check(&workspace, "cloth.ron --method tr-bdf2 --tolerance 1e-3");
+    assert!(!text.contains("usually"), "{text}");
+}

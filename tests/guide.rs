@@ -19,12 +19,13 @@ fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// The README and all chapters, with their texts.
+/// The README, what the book begins with, and all chapters, with their texts.
 fn documents() -> Vec<(PathBuf, String)> {
     let chapters = std::fs::read_dir(root().join("docs/guide/src")).unwrap();
     let mut paths: Vec<PathBuf> = chapters.map(|entry| entry.unwrap().path()).collect();
     paths.sort();
-    paths.insert(0, root().join("README.md"));
+    let others = ["README.md", "docs/README.md", "docs/SUMMARY.md"];
+    paths.splice(0..0, others.map(|path| root().join(path)));
     let read = |path: PathBuf| (path.clone(), std::fs::read_to_string(path).unwrap());
     paths.into_iter().map(read).collect()
 }
@@ -139,15 +140,24 @@ fn every_scene_is_one() {
     assert!(n_scenes > 3, "only {n_scenes} scenes were found");
 }
 
-/// Links between files lead somewhere.
+/// Links between files lead somewhere, and those of the book stay in it.
 #[test]
 fn every_link_leads_to_a_file() {
+    let book = root().join("docs").canonicalize().unwrap();
     for (path, text) in documents() {
         let targets = text.split("](").skip(1);
         for target in targets.map(|rest| rest.split_once(')').expect("a closed link").0) {
             let (file, _) = target.split_once('#').unwrap_or((target, ""));
-            let is_here = path.parent().unwrap().join(file).exists();
-            assert!(is_here, "{}: {target} leads nowhere", path.display());
+            let is_abroad = file.starts_with("https://");
+            let found = path.parent().unwrap().join(file).canonicalize();
+            assert!(
+                is_abroad || found.is_ok(),
+                "{}: {target} leads nowhere",
+                path.display()
+            );
+            let leaves_book = path.starts_with(root().join("docs"))
+                && found.is_ok_and(|found| !found.starts_with(&book));
+            assert!(!leaves_book, "{}: {target}", path.display());
         }
     }
 }
@@ -158,12 +168,10 @@ fn every_chapter_is_in_the_summary() {
     let documents = documents();
     let is_summary = |path: &Path| path.ends_with("SUMMARY.md");
     let (_, summary) = documents.iter().find(|(path, _)| is_summary(path)).unwrap();
-    for (path, _) in documents
-        .iter()
-        .skip(1)
-        .filter(|(path, _)| !is_summary(path))
-    {
-        let name = path.file_name().unwrap().to_str().unwrap();
-        assert!(summary.contains(&format!("]({name})")), "{name} is missing");
+    let docs = root().join("docs");
+    let chapters = documents.iter().filter(|(path, _)| !is_summary(path));
+    for name in chapters.filter_map(|(path, _)| path.strip_prefix(&docs).ok()) {
+        let link = format!("]({})", name.to_str().unwrap().replace('\\', "/"));
+        assert!(summary.contains(&link), "{link} is missing");
     }
 }

@@ -205,7 +205,7 @@ fn outputs_follow_what_they_need() {
     let scene = &scene();
     let intervals = INTERVALS;
     let plan = RunPlan { scene, intervals };
-    let sinks = Sinks::begin(folder.path(), &["view".to_owned()], &plan).unwrap();
+    let mut sinks = Sinks::begin(folder.path(), &["view".to_owned()], &plan).unwrap();
     let marks = serde_json::to_string(&sinks.marks()).unwrap();
     for name in ["energy", "npz", "view"] {
         assert!(marks.contains(&format!("[\"{name}\",")), "{marks}");
@@ -250,7 +250,7 @@ fn mark(kind: &dyn SinkKind, n_frames: usize) -> Mark {
         };
         sink.frame(&frame).unwrap();
     }
-    sink.mark()
+    sink.written().mark()
 }
 
 /// Nothing is kept in memory frame by frame.

@@ -130,7 +130,7 @@ fn what_is_wrong_is_told_before_anything_is_written() {
     ].concat(), @r"
     error: `E` cannot be set; of springs stiffness, EA, rest_length, prestrain, pretension, mass, mass_per_length, damping, damping_ratio, as `EA`, `springs.mass`, `springs[3].EA`, `springs[3:10].EA` or `materials.NAME.EA`; of nodes mass, drag, as `nodes.mass` or `nodes[3].mass`; a factor of `loads` or `loads[0]`; gravity, drag, damping.mass, damping.stiffness, step, tolerance, duration; with `*` at the end, a factor of what is there
     error: `EA` = -3.0: the stiffness of spring 0 must not be negative, but is -3
-    error: `max(force)` is no measure; there are max(Q), min(Q) and final(Q), where Q is tension or strain (as tension[3], of one spring), x, y, z, vx, vy, vz, speed, displacement of a node (as z[3]), speed (of the fastest node), or an energy (kinetic, elastic, gravity, total, anchor_work, load_work, dashpot_heat, broken_energy, method); and steps, rejected_steps, seconds, broken_springs
+    error: `max(force)` is no measure; there are max(Q), min(Q) and final(Q), where Q is tension, strain (as tension[3], tension[3:10] or materials.NAME.tension, of some springs), x, y, z, vx, vy, vz, speed, displacement of a node (as z[3]), speed (of the fastest node), or an energy (kinetic, elastic, gravity, total, anchor_work, dashpot_heat, method, load_work, broken_energy); and steps, rejected_steps, estimated_error, seconds, broken_springs
     error: `.` is not the folder of a sweep
       make one with `springs sweep SCENE.ron --set … --measure …`
     ");

@@ -152,6 +152,7 @@ pub fn report(
             Pace::Fixed(_) => None,
             Pace::Tolerance(tolerance) => Some(tolerance),
         },
+        estimated_error: islands.estimated_error(),
         shortened_last_step: largest
             .plan()
             .filter(|plan| largest.work().counts.steps >= plan.n_steps())

@@ -52,6 +52,14 @@ pub fn tension_peaks(islands: &Islands) -> Vec<TensionPeak> {
     peaks.collect()
 }
 
+/// Intervals between the frames of a run of a scene: as many as it says, or 60 a second.
+pub fn intervals(scene: &Scene) -> usize {
+    match scene.output.frames {
+        Some(frames) => frames as usize,
+        None => default_intervals(scene),
+    }
+}
+
 /// Intervals between the frames of a run where nothing else is said: 60 a second.
 pub fn default_intervals(scene: &Scene) -> usize {
     (60.0 * scene.settings.duration).round().max(1.0) as usize
@@ -223,8 +231,8 @@ impl Sinks {
     }
 
     /// Number of bytes that could not be written so far.
-    pub fn n_unwritten(&self) -> usize {
-        self.sinks.iter().map(|(_, sink)| sink.n_unwritten()).sum()
+    pub fn n_unwritten(&mut self) -> usize {
+        self.each().map(|sink| sink.written().n_unwritten()).sum()
     }
 
     /// Makes what is written outlive the program, as far as each of them can.
@@ -232,7 +240,7 @@ impl Sinks {
     pub fn keep(&mut self) -> (Vec<String>, Result<(), WriteError>) {
         let (mut files, mut all) = (Vec::new(), Ok(()));
         for sink in self.each() {
-            match sink.keep() {
+            match sink.written().keep() {
                 Ok(kept) => files.extend(kept),
                 Err(error) => all = all.and(Err(error)),
             }
@@ -242,13 +250,12 @@ impl Sinks {
 
     /// How far they are written. To go on from there, what is written must be kept
     /// or finished.
-    pub fn marks(&self) -> Marks {
-        let sinks = self.sinks.iter();
-        let mark =
-            |(kind, sink): &(&dyn SinkKind, Box<dyn Sink>)| (kind.name().to_owned(), sink.mark());
+    pub fn marks(&mut self) -> Marks {
+        let sinks = self.sinks.iter_mut();
+        let marks = sinks.map(|(kind, sink)| (kind.name().to_owned(), sink.written().mark()));
         Marks {
             awaits_energies: self.awaits_energies,
-            sinks: sinks.map(mark).collect(),
+            sinks: marks.collect(),
         }
     }
 

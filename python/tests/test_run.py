@@ -1,5 +1,7 @@
 """Runs: arrays without copies, other threads, interrupts, the command line's bits."""
 
+import functools
+import json
 import os
 import signal
 import subprocess
@@ -137,14 +139,13 @@ class Runs(unittest.TestCase):
 
 
 class CommandLine(unittest.TestCase):
-    @classmethod
-    def setUpClass(cls):
+    @staticmethod
+    @functools.cache
+    def program():
         subprocess.run(["cargo", "build", "--quiet"], cwd=ROOT, check=True)
         metadata = ["cargo", "metadata", "--no-deps", "--format-version=1"]
         out = subprocess.run(metadata, cwd=ROOT, check=True, capture_output=True, text=True).stdout
-        import json
-
-        cls.program = Path(json.loads(out)["target_directory"]) / "debug" / "springs"
+        return Path(json.loads(out)["target_directory"]) / "debug" / "springs"
 
     def test_the_same_bits(self):
         for flags, how in [
@@ -156,7 +157,7 @@ class CommandLine(unittest.TestCase):
             with tempfile.TemporaryDirectory() as folder:
                 scene, out = Path(folder) / "net.ron", Path(folder) / "out"
                 s.write(scene)
-                command = [self.program, "run", scene, "--out", out, "--write", "npz", "--quiet"]
+                command = [self.program(), "run", scene, "--out", out, "--write", "npz", "--quiet"]
                 command += ["--duration", "1", "--frames", "30", *flags]
                 subprocess.run(command, check=True)
                 result = s.run(1.0, frames=30, **how)
@@ -255,6 +256,27 @@ class Starts(unittest.TestCase):
                 rest = s.run(0.5, start=start, frames=1, **how)
                 self.assertEqual(bits(rest.x[-1], rest.v[-1]), bits(whole.x[-1], whole.v[-1]))
                 np.testing.assert_array_equal(rest.yielded, whole.yielded)
+
+    def test_pictures_have_broken_springs_and_loads_as_the_command_line(self):
+        text = """Scene(version: 1,
+            nodes: [(position: (0, 0, 0), fixed: true),
+                    (position: (1, 0, 0), velocity: (2, 0, 0), mass: 0.5)],
+            springs: [(nodes: (0, 1), stiffness: 100, breaks_at: Strain(0.1))],
+            loads: [(nodes: [1], force: (0, 0, -8), over_time: Ramp(from: 0, to: 4))],
+            simulation: (method: VelocityVerlet, step: 1e-3, duration: 1),
+            output: (frames: 4))"""
+        with tempfile.TemporaryDirectory() as folder:
+            folder = Path(folder)
+            (folder / "scene.ron").write_text(text)
+            r = sp.load(folder / "scene.ron").run()
+            self.assertEqual(len(r.t), 5)
+            picture = r._repr_html_()
+            page = r.view(folder / "ours.html").read_text()
+            program = [CommandLine.program(), "run", folder / "scene.ron", "--out", folder / "out"]
+            subprocess.run([*program, "--write", "view,svg", "--quiet"], check=True)
+            self.assertEqual(page, (folder / "out" / "view.html").read_text())
+            self.assertEqual(picture, (folder / "out" / "filmstrip.svg").read_text())
+        self.assertIn("broken", picture)
 
 
 if __name__ == "__main__":

@@ -130,6 +130,19 @@ class Scenes(unittest.TestCase):
         for path in EXAMPLES.glob("*.ron"):
             scene = sp.load(path)
             self.assertEqual(text_of(pickle.loads(pickle.dumps(scene))), text_of(scene))
+
+    def test_pickled_scenes_keep_materials_and_damping_ratios(self):
+        text = """Scene(version: 1, materials: {"wire": (EA: 0.3, damping_ratio: 0.1)},
+            nodes: [(position: (0, 0, 0), fixed: true), (position: (0.7, 0, 0), mass: 0.1)],
+            springs: [(nodes: (0, 1), material: "wire")])"""
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "scene.ron"
+            path.write_text(text)
+            scene = sp.load(path)
+        other = pickle.loads(pickle.dumps(scene))
+        for setting in [{"materials.wire.EA": 0.6}, {"damping_ratio*": 2.0}, {"nodes.mass": 0.7}]:
+            self.assertEqual(text_of(other.changed_by(setting)), text_of(scene.changed_by(setting)))
+        self.assertIn("material wire", str(other.check()))
         self.assertIn('name: "net"', text_of(net()))
 
     def test_equilibria(self):

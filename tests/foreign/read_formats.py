@@ -1,5 +1,5 @@
-"""Reads the outputs of a run in a folder with numpy and meshio, and compares them with
-its tables: python3 read_formats.py FOLDER."""
+"""Reads the outputs of a run in a folder with numpy and meshio, and with VTK and Blender where
+they are, and compares them with its tables: python3 read_formats.py FOLDER."""
 
 import struct
 import sys
@@ -59,7 +59,7 @@ for entry, rows, members in zip(entries, nodes, springs):
     same(grid.cell_data["state"][0], numpy.sign(members[:, 4]), "state")
 print(f"meshio {meshio.__version__}: frames.pvd, {f} frames")
 
-# As Blender's Mesh Cache reads it.
+# By the bytes.
 with open(folder / "points.pc2", "rb") as file:
     header = struct.unpack("<12siiffi", file.read(32))
     samples = numpy.fromfile(file, "<f4").reshape(-1, n, 3)
@@ -86,3 +86,24 @@ else:
         assert grid.GetFieldData().GetArray("TimeValue").GetValue(0) == rows[0, 0]
         assert all(grid.GetCellType(cell) == 3 for cell in range(k))
     print(f"VTK {vtkVersion.GetVTKVersion()}: {f} frames")
+
+try:
+    import bpy
+except ImportError:
+    print("no Blender here (pip install bpy): its Mesh Cache did not play the samples")
+else:
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.obj_import(filepath=str(folder / "mesh.obj"), forward_axis="Y", up_axis="Z")
+    (mesh,) = bpy.context.selected_objects
+    edges = {tuple(sorted(edge.vertices)) for edge in mesh.data.edges}
+    assert edges == {tuple(sorted(map(int, pair))) for pair in arrays["springs"]}
+    cache = mesh.modifiers.new("cache", "MESH_CACHE")
+    cache.cache_format, cache.filepath = "PC2", str(folder / "points.pc2")
+    for frame, rows in enumerate(nodes):
+        bpy.context.scene.frame_set(frame)
+        played = mesh.evaluated_get(bpy.context.evaluated_depsgraph_get())
+        points = numpy.empty(3 * n, "f4")
+        played.to_mesh().vertices.foreach_get("co", points)
+        same(points.reshape(n, 3), rows[:, 2:5].astype("<f4"), "points")
+        assert numpy.array_equal(played.matrix_world, numpy.eye(4))
+    print(f"Blender {bpy.app.version_string}: mesh.obj with points.pc2, {f} frames")

@@ -1,6 +1,7 @@
 //! Files that grow during a run, and can be continued by another one.
 
 use crate::atomic::{Draft, WriteError, failure};
+use crate::sink::{Mark, Written};
 use serde::{Deserialize, Serialize};
 use std::ffi::OsString;
 use std::fs::{File, OpenOptions};
@@ -290,6 +291,22 @@ impl GrowingFile {
             let _ = std::fs::remove_file(part_of(&self.path));
         }
         made
+    }
+}
+
+impl Written for GrowingFile {
+    fn n_unwritten(&self) -> usize {
+        Self::n_unwritten(self)
+    }
+
+    fn keep(&mut self) -> Result<Vec<String>, WriteError> {
+        Self::keep(self)?;
+        let name = self.path.file_name().unwrap_or_default();
+        Ok(vec![part_name(&name.to_string_lossy())])
+    }
+
+    fn mark(&self) -> Mark {
+        Mark::of(&Self::mark(self))
     }
 }
 

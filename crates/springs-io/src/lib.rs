@@ -40,6 +40,7 @@ mod point_cache;
 mod probes;
 mod read;
 mod report;
+mod rows;
 mod scene_file;
 mod sink;
 mod spring_file;
@@ -59,7 +60,7 @@ pub use checkpoint::{
     Checkpoint, CheckpointError, CheckpointFault, read_checkpoint, write_checkpoint,
 };
 pub use csv_rows::{RowsError, read_points};
-pub use energies::ENERGIES;
+pub use energies::{ENERGIES, ENERGY_COLUMNS, EnergyColumn, read_energies};
 pub use frames::{FrameFile, FrameSize, Quantity};
 pub use growing::{ContinueError, FileMark, FoundFile, GrowingFile, part_name};
 pub use members::{REACTIONS, SPRINGS, SpringsAndPeaks, strain};
@@ -71,9 +72,10 @@ pub use report::{
     EnergyReport, EnergySum, FailureReport, IslandReport, LoadWorkReport, Report, SavingReport,
     SecondsReport, SupportWorkReport, SwitchReport, TrialsReport, write_report,
 };
+pub use rows::{TableError, TableRow, TableRows};
 pub use sink::{
     FrameEnergies, FrameMembers, Mark, ProbeSamples, ResumeSink, RunEnd, RunPlan, Sink, SinkKind,
-    TensionPeak, TrajectoryFrame,
+    TensionPeak, TrajectoryFrame, Written,
 };
 pub use springs::{Inputs, SpringInput};
 pub use statics::{
@@ -82,7 +84,7 @@ pub use statics::{
 };
 pub use steps::{STEPS, StepRow};
 pub use table::{Rows, Table};
-pub use tables::{TableError, read_tables};
+pub use tables::read_tables;
 pub use trajectory::TRAJECTORY;
 pub use vtu::{Vtu, remove_series};
 pub use write::{scene_to_string, write_scene};

@@ -4,6 +4,7 @@ use crate::atomic::{WriteError, write_whole};
 use crate::growing::ContinueError;
 use crate::sink::{
     FrameMembers, Mark, ResumeSink, RunEnd, RunPlan, Sink, SinkKind, TensionPeak, TrajectoryFrame,
+    Written,
 };
 use crate::table::{Rows, Table};
 use springs_scene::Spring;
@@ -15,7 +16,7 @@ pub static REACTIONS: Table = Table {
     name: "reactions",
     about: "reactions.csv: the force of every support on its node, at each frame",
     file: "reactions.csv",
-    header: "time,node,fx,fy,fz",
+    columns: &["time", "node", "fx", "fy", "fz"],
     rows: Rows::Members(reactions),
 };
 
@@ -31,7 +32,7 @@ pub static SPRINGS: Table = Table {
     name: "springs",
     about: "springs.csv: length, strain and tension of every spring at each frame; peaks.csv",
     file: "springs.csv",
-    header: "time,spring,length,strain,tension,state",
+    columns: &["time", "spring", "length", "strain", "tension", "state"],
     rows: Rows::Members(springs),
 };
 
@@ -166,16 +167,8 @@ impl Sink for WithPeaks {
         self.frames.frame(frame)
     }
 
-    fn n_unwritten(&self) -> usize {
-        self.frames.n_unwritten()
-    }
-
-    fn keep(&mut self) -> Result<Vec<String>, WriteError> {
-        self.frames.keep()
-    }
-
-    fn mark(&self) -> Mark {
-        self.frames.mark()
+    fn written(&mut self) -> &mut dyn Written {
+        self.frames.written()
     }
 
     fn finish(self: Box<Self>, end: &RunEnd<'_>) -> Result<(), WriteError> {

@@ -12,8 +12,8 @@
 
 use crate::atomic::{WriteError, failure};
 use crate::frames::{FrameFile, FrameSize, Quantity, append_frame};
-use crate::growing::{ContinueError, FileMark, GrowingFile, part_name};
-use crate::sink::{Mark, ResumeSink, RunEnd, RunPlan, Sink, SinkKind, TrajectoryFrame};
+use crate::growing::{ContinueError, FileMark, GrowingFile};
+use crate::sink::{Mark, ResumeSink, RunEnd, RunPlan, Sink, SinkKind, TrajectoryFrame, Written};
 use crate::zip::{ZipWriter, entries};
 use springs_scene::Scene;
 use std::fs::File;
@@ -161,17 +161,8 @@ impl Sink for Frames {
         }
     }
 
-    fn n_unwritten(&self) -> usize {
-        self.file.n_unwritten()
-    }
-
-    fn keep(&mut self) -> Result<Vec<String>, WriteError> {
-        self.file.keep()?;
-        Ok(vec![part_name(FILE)])
-    }
-
-    fn mark(&self) -> Mark {
-        Mark::of(&self.file.mark())
+    fn written(&mut self) -> &mut dyn Written {
+        &mut self.file
     }
 
     fn finish(self: Box<Self>, _end: &RunEnd<'_>) -> Result<(), WriteError> {

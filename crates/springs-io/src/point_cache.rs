@@ -3,10 +3,13 @@
 //!
 //! `points.pc2` is a PC2 file: a header of 32 bytes, then x, y, z of all points, sample by
 //! sample, as `f32`. The header has the number of samples so far after each of them.
+//!
+//! Blender leaves out vertices that no line has, and Mesh Cache then plays nothing: a node
+//! without springs has a line to itself, which makes no edge.
 
 use crate::atomic::WriteError;
 use crate::growing::{ContinueError, FileMark, GrowingFile, part_name};
-use crate::sink::{Mark, ResumeSink, RunEnd, RunPlan, Sink, SinkKind, TrajectoryFrame};
+use crate::sink::{Mark, ResumeSink, RunEnd, RunPlan, Sink, SinkKind, TrajectoryFrame, Written};
 use serde::{Deserialize, Serialize};
 use springs_scene::Scene;
 use std::io::Write as _;
@@ -44,9 +47,9 @@ impl SinkKind for PointCache {
         let mut mesh = GrowingFile::begin(&folder.join(MESH))?;
         mesh.append(|bytes| write_mesh(plan.scene, bytes))?;
         let n_points = plan.scene.nodes.len();
+        let points = GrowingFile::begin_with_header(&folder.join(POINTS), &header(n_points, 0))?;
         Ok(Box::new(Samples {
-            mesh,
-            points: GrowingFile::begin_with_header(&folder.join(POINTS), &header(n_points, 0))?,
+            files: Files { mesh, points },
             n_points,
             n_samples: 0,
         }))
@@ -68,9 +71,12 @@ impl SinkKind for PointCache {
         let mesh = GrowingFile::find(&folder.join(MESH), mesh)?;
         let points = GrowingFile::find_with_header(&folder.join(POINTS), N_HEADER, points)?;
         Ok(Box::new(move || {
-            Ok(Box::new(Samples {
+            let files = Files {
                 mesh: mesh.go_on()?,
                 points: points.go_on()?,
+            };
+            Ok(Box::new(Samples {
+                files,
                 n_points,
                 n_samples: n_bytes / sample.max(1),
             }))
@@ -78,9 +84,13 @@ impl SinkKind for PointCache {
     }
 }
 
-struct Samples {
+struct Files {
     mesh: GrowingFile,
     points: GrowingFile,
+}
+
+struct Samples {
+    files: Files,
     n_points: usize,
     n_samples: u64,
 }
@@ -88,14 +98,28 @@ struct Samples {
 impl Sink for Samples {
     fn frame(&mut self, frame: &TrajectoryFrame<'_>) -> Result<(), WriteError> {
         self.n_samples += 1;
-        self.points.append(|bytes| {
+        let points = &mut self.files.points;
+        points.append(|bytes| {
             let numbers = frame.positions.iter().flat_map(|x| [x.x, x.y, x.z]);
             bytes.extend(numbers.flat_map(|number| (number as f32).to_le_bytes()));
         })?;
-        self.points
-            .set_header(&header(self.n_points, self.n_samples))
+        points.set_header(&header(self.n_points, self.n_samples))
     }
 
+    fn written(&mut self) -> &mut dyn Written {
+        &mut self.files
+    }
+
+    fn finish(self: Box<Self>, _end: &RunEnd<'_>) -> Result<(), WriteError> {
+        let Files { mesh, mut points } = self.files;
+        // One that was resumed may have had no frame since.
+        points.set_header(&header(self.n_points, self.n_samples))?;
+        mesh.finish()?;
+        points.finish()
+    }
+}
+
+impl Written for Files {
     fn n_unwritten(&self) -> usize {
         self.mesh.n_unwritten() + self.points.n_unwritten()
     }
@@ -112,14 +136,6 @@ impl Sink for Samples {
             points: self.points.mark(),
         })
     }
-
-    fn finish(mut self: Box<Self>, _end: &RunEnd<'_>) -> Result<(), WriteError> {
-        // One that was resumed may have had no frame since.
-        self.points
-            .set_header(&header(self.n_points, self.n_samples))?;
-        self.mesh.finish()?;
-        self.points.finish()
-    }
 }
 
 /// The header of a file of samples that are one unit of time apart, from 0 on.
@@ -133,14 +149,21 @@ fn header(n_points: usize, n_samples: u64) -> Vec<u8> {
     bytes
 }
 
+/// Nodes are counted from 1 there.
+fn write_line([first, second]: [usize; 2], bytes: &mut Vec<u8>) {
+    writeln!(bytes, "l {} {}", first + 1, second + 1).expect("writing to memory");
+}
+
 fn write_mesh(scene: &Scene, bytes: &mut Vec<u8>) {
     for node in 0..scene.nodes.len() {
         let x = scene.start_position(node);
         writeln!(bytes, "v {:?} {:?} {:?}", x.x, x.y, x.z).expect("writing to memory");
     }
-    for spring in &scene.springs {
-        // Counted from 1.
-        let [first, second] = spring.nodes.map(|node| node + 1);
-        writeln!(bytes, "l {first} {second}").expect("writing to memory");
+    let mut has_line = vec![false; scene.nodes.len()];
+    for [first, second] in scene.springs.iter().map(|spring| spring.nodes) {
+        [has_line[first], has_line[second]] = [true, true];
+        write_line([first, second], bytes);
     }
+    let loose = (0..has_line.len()).filter(|&node| !has_line[node]);
+    loose.for_each(|node| write_line([node, node], bytes));
 }

@@ -1,8 +1,8 @@
 //! `probes.csv`: what the probes of a scene tell, each at times of its own.
 
 use crate::atomic::WriteError;
-use crate::growing::{ContinueError, FileMark, GrowingFile, part_name};
-use crate::sink::{Mark, ProbeSamples, ResumeSink, RunEnd, RunPlan, Sink, SinkKind};
+use crate::growing::{ContinueError, FileMark, GrowingFile};
+use crate::sink::{Mark, ProbeSamples, ResumeSink, RunEnd, RunPlan, Sink, SinkKind, Written};
 use springs_scene::{Probe, Scene};
 use std::io::Write as _;
 use std::path::Path;
@@ -89,17 +89,8 @@ impl Sink for Growing {
         })
     }
 
-    fn n_unwritten(&self) -> usize {
-        self.file.n_unwritten()
-    }
-
-    fn keep(&mut self) -> Result<Vec<String>, WriteError> {
-        self.file.keep()?;
-        Ok(vec![part_name(FILE)])
-    }
-
-    fn mark(&self) -> Mark {
-        Mark::of(&self.file.mark())
+    fn written(&mut self) -> &mut dyn Written {
+        &mut self.file
     }
 
     fn finish(self: Box<Self>, _end: &RunEnd<'_>) -> Result<(), WriteError> {

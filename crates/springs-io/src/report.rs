@@ -43,6 +43,9 @@ pub struct Report {
     pub step_size: Option<f64>,
     /// Error that steps are chosen by, in m, if they are.
     pub tolerance: Option<f64>,
+    /// What the steps added to the error of positions by the estimates of the method, in m; of
+    /// several parts that of the worst one. None with steps of one size.
+    pub estimated_error: Option<f64>,
     /// Size of the last step, in s, if the duration was not a whole number of
     /// steps.
     pub shortened_last_step: Option<f64>,

@@ -21,7 +21,7 @@ pub trait SinkKind: Send + Sync {
 
     /// The files that it leaves in the folder of the run; a name that ends in `/` is
     /// that of a folder of numbered files. Until they are complete they are there under
-    /// other names or, [kept](Sink::keep), with `.part` added.
+    /// other names or, [kept](Written::keep), with `.part` added.
     fn files(&self) -> Vec<&'static str>;
 
     /// The names of outputs that it is made of, which are written, too, and finished
@@ -37,7 +37,7 @@ pub trait SinkKind: Send + Sync {
     /// If it cannot be written.
     fn begin(&self, folder: &Path, plan: &RunPlan<'_>) -> Result<Box<dyn Sink>, WriteError>;
 
-    /// Finds what a sink has written up to its [mark](Sink::mark). Nothing is
+    /// Finds what a sink has written up to its [mark](Written::mark). Nothing is
     /// changed until the result is called: all outputs of a run must be found
     /// first.
     ///
@@ -116,6 +116,19 @@ pub trait Sink: Send {
         Ok(())
     }
 
+    /// What it has written so far, such as a [`GrowingFile`](crate::GrowingFile).
+    fn written(&mut self) -> &mut dyn Written;
+
+    /// Completes the files.
+    ///
+    /// # Errors
+    ///
+    /// If they cannot be written.
+    fn finish(self: Box<Self>, end: &RunEnd<'_>) -> Result<(), WriteError>;
+}
+
+/// What an output has written so far.
+pub trait Written {
     /// Number of bytes that could not be written so far.
     fn n_unwritten(&self) -> usize {
         0
@@ -126,7 +139,7 @@ pub trait Sink: Send {
     ///
     /// # Errors
     ///
-    /// If that cannot be done; the sink goes on as before.
+    /// If that cannot be done; the output goes on as before.
     fn keep(&mut self) -> Result<Vec<String>, WriteError> {
         Ok(Vec::new())
     }
@@ -134,13 +147,6 @@ pub trait Sink: Send {
     /// What [`SinkKind::resume`] needs to go on from here, as long as what is
     /// written is kept or finished.
     fn mark(&self) -> Mark;
-
-    /// Completes the files.
-    ///
-    /// # Errors
-    ///
-    /// If they cannot be written.
-    fn finish(self: Box<Self>, end: &RunEnd<'_>) -> Result<(), WriteError>;
 }
 
 /// What is known of a run before it begins.

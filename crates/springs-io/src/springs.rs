@@ -5,6 +5,7 @@ use crate::law_file::LawEntry;
 use crate::read::{Findings, find_named};
 use crate::scene_file::Real;
 use crate::spring_file::{LimitEntry, MaterialEntry, More, SpringEntry};
+use serde::{Deserialize, Serialize};
 use springs_scene::{
     AxialStiffness, Node, Path, PretensionError, Scene, Spring, SpringLaw, printable,
     rest_length_under,
@@ -13,7 +14,7 @@ use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
 /// What a scene file says and a [`Scene`] does not keep.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Inputs {
     /// The names of the materials.
     pub materials: Vec<String>,
@@ -27,7 +28,7 @@ pub struct Inputs {
 }
 
 /// How a spring is given.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct SpringInput {
     /// Its index.
@@ -41,19 +42,6 @@ pub struct SpringInput {
     pub is_by_length: bool,
     /// Whether its rest length comes of a tension or a strain.
     pub is_prestressed: bool,
-}
-
-impl SpringInput {
-    /// A spring of a material of which nothing else is known.
-    pub fn of_material(spring: usize, material: usize) -> Self {
-        Self {
-            spring,
-            material: Some(material),
-            area: None,
-            is_by_length: false,
-            is_prestressed: false,
-        }
-    }
 }
 
 /// What becomes of the springs of a file.

@@ -37,8 +37,19 @@ pub static STEPS: Table = Table {
     name: "steps",
     about: "steps.csv: size, estimated error and work of every step",
     file: "steps.csv",
-    header: "time,step_size,error,allowed_error,method,steps,rejected_steps,\
-             force_evaluations,factorizations,newton_iterations,solver_iterations",
+    columns: &[
+        "time",
+        "step_size",
+        "error",
+        "allowed_error",
+        "method",
+        "steps",
+        "rejected_steps",
+        "force_evaluations",
+        "factorizations",
+        "newton_iterations",
+        "solver_iterations",
+    ],
     rows: Rows::Steps(row),
 };
 
@@ -89,7 +100,7 @@ mod tests {
         row(&step, &mut bytes);
         (step.error, step.allowed_error) = (Some(1e-9), Some(0.1));
         row(&step, &mut bytes);
-        let columns = STEPS.header.split(',').count();
+        let columns = STEPS.columns.len();
         let text = String::from_utf8(bytes).unwrap();
         assert_eq!(
             text,

@@ -1,9 +1,10 @@
 //! Outputs that are a table as CSV.
 
 use crate::atomic::WriteError;
-use crate::growing::{ContinueError, FileMark, GrowingFile, part_name};
+use crate::growing::{ContinueError, FileMark, GrowingFile};
 use crate::sink::{
-    FrameEnergies, FrameMembers, Mark, ResumeSink, RunEnd, RunPlan, Sink, SinkKind, TrajectoryFrame,
+    FrameEnergies, FrameMembers, Mark, ResumeSink, RunEnd, RunPlan, Sink, SinkKind,
+    TrajectoryFrame, Written,
 };
 use crate::steps::StepRow;
 use std::path::Path;
@@ -17,8 +18,8 @@ pub struct Table {
     pub about: &'static str,
     /// The name of its file.
     pub file: &'static str,
-    /// Names of the columns, with commas between them.
-    pub header: &'static str,
+    /// Names of the columns.
+    pub columns: &'static [&'static str],
     /// What its rows are of.
     pub rows: Rows,
 }
@@ -37,6 +38,13 @@ pub enum Rows {
     Steps(fn(&StepRow, &mut Vec<u8>)),
 }
 
+impl Table {
+    /// Its first line.
+    pub(crate) fn header(&self) -> String {
+        self.columns.join(",")
+    }
+}
+
 impl SinkKind for Table {
     fn name(&self) -> &'static str {
         self.name
@@ -52,7 +60,7 @@ impl SinkKind for Table {
 
     fn begin(&self, folder: &Path, _plan: &RunPlan<'_>) -> Result<Box<dyn Sink>, WriteError> {
         let mut file = GrowingFile::begin(&folder.join(self.file))?;
-        file.append(|bytes| bytes.extend(format!("{}\n", self.header).bytes()))?;
+        file.append(|bytes| bytes.extend(format!("{}\n", self.header()).bytes()))?;
         Ok(Box::new(GrowingTable { table: *self, file }))
     }
 
@@ -114,17 +122,8 @@ impl Sink for GrowingTable {
         Ok(())
     }
 
-    fn n_unwritten(&self) -> usize {
-        self.file.n_unwritten()
-    }
-
-    fn keep(&mut self) -> Result<Vec<String>, WriteError> {
-        self.file.keep()?;
-        Ok(vec![part_name(self.table.file)])
-    }
-
-    fn mark(&self) -> Mark {
-        Mark::of(&self.file.mark())
+    fn written(&mut self) -> &mut dyn Written {
+        &mut self.file
     }
 
     fn finish(self: Box<Self>, _end: &RunEnd<'_>) -> Result<(), WriteError> {

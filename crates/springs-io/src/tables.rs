@@ -2,118 +2,44 @@
 
 use crate::frames::{FrameFile, FrameSize};
 use crate::members::SPRINGS;
-use crate::table::Table;
-use crate::trajectory::TRAJECTORY;
-use std::fs::File;
-use std::io::{self, BufRead as _, BufReader, BufWriter, Lines, Write as _};
-use std::path::{Path, PathBuf};
+use crate::rows::{TableError, TableRows};
+use crate::trajectory::{COLUMNS, TRAJECTORY};
+use std::io::{BufWriter, Write as _};
+use std::path::Path;
 
-/// A table cannot be read.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum TableError {
-    /// The file cannot be read, or there is no room for its numbers among temporary
-    /// files.
-    #[error("cannot read {}: {source}", path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: io::Error,
-    },
-    /// A line is not as a run of this scene writes it.
-    #[error("{}:{line}: this is no row of {index} at this place of a table of this scene", path.display())]
-    Line {
-        /// The file.
-        path: PathBuf,
-        /// Counted from 1.
-        line: usize,
-        /// Such as `node 3`.
-        index: String,
-    },
-}
-
-/// Rows of a table.
-struct Rows {
-    path: PathBuf,
-    lines: Lines<BufReader<File>>,
-    /// Those that were read.
-    n_lines: usize,
-    /// What a row is of.
-    of: &'static str,
-}
-
-impl Rows {
-    fn open(folder: &Path, table: &Table, of: &'static str) -> Result<Self, TableError> {
-        let path = folder.join(table.file);
-        let opened = File::open(&path).map_err(|source| TableError::Read {
-            path: path.clone(),
-            source,
-        })?;
-        let mut rows = Self {
-            path,
-            lines: BufReader::new(opened).lines(),
-            n_lines: 0,
-            of,
-        };
-        let header = rows.line()?;
-        if header.as_deref() == Some(table.header) {
-            Ok(rows)
-        } else {
-            Err(rows.wrong(0))
-        }
-    }
-
-    fn line(&mut self) -> Result<Option<String>, TableError> {
-        self.n_lines += 1;
-        let line = self.lines.next().transpose();
-        line.map_err(|source| self.failure(source))
-    }
-
-    fn failure(&self, source: io::Error) -> TableError {
-        TableError::Read {
-            path: self.path.clone(),
-            source,
-        }
-    }
-
-    fn wrong(&self, index: usize) -> TableError {
-        TableError::Line {
-            path: self.path.clone(),
-            line: self.n_lines,
-            index: format!("{} {index}", self.of),
-        }
-    }
-
-    /// Appends so many numbers of the rows 0 to n of a frame; a number of a row is that
-    /// of its column. Returns the time, or nothing if there is no frame any more.
-    fn frame<const N: usize>(
-        &mut self,
-        n: usize,
-        columns: [usize; N],
-        numbers: &mut [Vec<f64>; N],
-    ) -> Result<Option<f64>, TableError> {
-        numbers.iter_mut().for_each(Vec::clear);
-        let mut time = None;
-        for index in 0..n {
-            let Some(line) = self.line()? else {
-                return if index == 0 {
-                    Ok(None)
-                } else {
-                    Err(self.wrong(index))
-                };
+/// Appends the numbers of the rows 0 to n of a frame, each column to its own. The first two
+/// columns are the time and the index of such a `thing`. Returns the time, or nothing if there
+/// is no frame any more.
+fn read_frame<const N: usize>(
+    rows: &mut TableRows<N>,
+    thing: &str,
+    n: usize,
+    numbers: &mut [Vec<f64>],
+) -> Result<Option<f64>, TableError> {
+    numbers.iter_mut().for_each(Vec::clear);
+    let mut time = None;
+    for index in 0..n {
+        let Some(row) = rows.next()? else {
+            return if index == 0 {
+                Ok(None)
+            } else {
+                Err(rows.not_of(thing, index))
             };
-            let cells: Vec<&str> = line.split(',').collect();
-            let number = |column: usize| cells.get(column)?.parse::<f64>().ok();
-            let is_next = cells.get(1) == Some(&&*index.to_string());
-            let now = number(0).filter(|now| is_next && time.is_none_or(|time| time == *now));
-            time = Some(now.ok_or_else(|| self.wrong(index))?);
-            for (numbers, column) in numbers.iter_mut().zip(columns) {
-                numbers.push(number(column).ok_or_else(|| self.wrong(index))?);
+        };
+        let mut read = || {
+            let now = row.finite_number(0).ok()?;
+            let is_next = row.cells[1].parse() == Ok(index) && time.is_none_or(|time| time == now);
+            for (numbers, cell) in numbers.iter_mut().zip(2..) {
+                numbers.push(row.number(cell).ok()??);
             }
+            is_next.then_some(now)
+        };
+        match read() {
+            Some(now) => time = Some(now),
+            None => return Err(rows.not_of(thing, index)),
         }
-        Ok(time)
     }
+    Ok(time)
 }
 
 /// Reads all frames of `trajectory.csv` and `springs.csv` in a folder; a file of plain
@@ -123,17 +49,18 @@ impl Rows {
 ///
 /// If a table is not there or not of a scene of this size.
 pub fn read_tables(folder: &Path, size: FrameSize) -> Result<FrameFile, TableError> {
-    let mut nodes = Rows::open(folder, &TRAJECTORY, "node")?;
-    let mut springs = Rows::open(folder, &SPRINGS, "spring")?;
+    let mut nodes = TableRows::open(&folder.join(TRAJECTORY.file), COLUMNS)?;
+    let columns = ["time", "spring", "length", "tension"];
+    let mut springs = TableRows::open(&folder.join(SPRINGS.file), columns)?;
     let mut states: [Vec<f64>; 6] = Default::default();
     let mut members: [Vec<f64>; 2] = Default::default();
     let file = tempfile::tempfile().map_err(|source| nodes.failure(source))?;
     let mut out = BufWriter::new(file);
     let mut n_frames = 0;
-    while let Some(time) = nodes.frame(size.n_nodes, [2, 3, 4, 5, 6, 7], &mut states)? {
-        let same = springs.frame(size.n_springs, [2, 4], &mut members)?;
+    while let Some(time) = read_frame(&mut nodes, "node", size.n_nodes, &mut states)? {
+        let same = read_frame(&mut springs, "spring", size.n_springs, &mut members)?;
         if size.n_springs > 0 && same != Some(time) {
-            return Err(springs.wrong(0));
+            return Err(springs.not_of("spring", 0));
         }
         let [x, y, z, vx, vy, vz] = &states;
         let vectors = [[x, y, z], [vx, vy, vz]].into_iter().flat_map(|[x, y, z]| {
@@ -166,7 +93,7 @@ mod tests {
     fn read(nodes: &str, springs: &str) -> Result<FrameFile, String> {
         let folder = tempfile::tempdir().unwrap();
         for (table, rows) in [(&TRAJECTORY, nodes), (&SPRINGS, springs)] {
-            let text = format!("{}\n{rows}", table.header);
+            let text = format!("{}\n{rows}", table.header());
             std::fs::write(folder.path().join(table.file), text).unwrap();
         }
         let read = read_tables(folder.path(), SIZE);

@@ -4,12 +4,15 @@ use crate::sink::TrajectoryFrame;
 use crate::table::{Rows, Table};
 use std::io::Write as _;
 
+/// The columns of [`TRAJECTORY`].
+pub(crate) const COLUMNS: [&str; 8] = ["time", "node", "x", "y", "z", "vx", "vy", "vz"];
+
 /// The output `csv`: a row per frame and node, in m and m/s.
 pub static TRAJECTORY: Table = Table {
     name: "csv",
     about: "trajectory.csv: all nodes at every frame",
     file: "trajectory.csv",
-    header: "time,node,x,y,z,vx,vy,vz",
+    columns: &COLUMNS,
     rows: Rows::Frames(rows),
 };
 

@@ -3,67 +3,14 @@
 use crate::attended::Shared;
 use crate::errors::Fault;
 use pyo3::PyResult;
-use springs::io::{EnergySum, FrameEnergies};
+use springs::io::ENERGY_COLUMNS;
 use springs::report::{TurnedOver, frame_energies};
 use springs::step::{Account, Frame, Observer};
+use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
-/// Energies of each frame, by name, in J.
-pub(crate) const ENERGIES: [&str; 9] = [
-    "kinetic",
-    "elastic",
-    "gravity",
-    "total",
-    "anchor_work",
-    "load_work",
-    "dashpot_heat",
-    "broken_energy",
-    "method",
-];
-
-/// In the order of [`ENERGIES`].
-pub(crate) fn row_of(energies: &FrameEnergies) -> [f64; ENERGIES.len()] {
-    [
-        energies.energy.kinetic,
-        energies.energy.elastic,
-        energies.energy.gravity,
-        energies.energy.total,
-        energies.anchor_work,
-        energies.load_work,
-        energies.dashpot_heat,
-        energies.broken_energy,
-        energies.method_gain,
-    ]
-}
-
-/// What [`row_of`] made a row of, at a time in s.
-pub(crate) fn energies_of(time: f64, row: [f64; ENERGIES.len()]) -> FrameEnergies {
-    let [
-        kinetic,
-        elastic,
-        gravity,
-        total,
-        anchor_work,
-        load_work,
-        dashpot_heat,
-        broken_energy,
-        method_gain,
-    ] = row;
-    FrameEnergies {
-        time,
-        energy: EnergySum {
-            kinetic,
-            elastic,
-            gravity,
-            total,
-        },
-        anchor_work,
-        dashpot_heat,
-        load_work,
-        method_gain,
-        broken_energy,
-    }
-}
+/// A number of each [`ENERGY_COLUMNS`].
+pub(crate) type Energies<T> = [T; ENERGY_COLUMNS.len()];
 
 /// Frames one after the other.
 #[derive(Debug, Default)]
@@ -72,7 +19,9 @@ pub(crate) struct Record {
     pub(crate) positions: Vec<f64>,
     pub(crate) velocities: Vec<f64>,
     pub(crate) tensions: Vec<f64>,
-    pub(crate) energies: [Vec<f64>; ENERGIES.len()],
+    pub(crate) energies: Energies<Vec<f64>>,
+    /// Springs that were broken, and since which frame.
+    pub(crate) broken_since: BTreeMap<usize, usize>,
 }
 
 impl Record {
@@ -156,6 +105,9 @@ impl Observer for Recorder {
         record.velocities.extend(nodes.velocities.iter().flatten());
         if let Some(members) = frame.members {
             record.tensions.extend(&members.tensions);
+            for &spring in &members.broken {
+                record.broken_since.entry(spring).or_insert(frame.index);
+            }
         }
         self.awaits_energies = true;
         ControlFlow::Continue(())
@@ -168,7 +120,7 @@ impl Observer for Recorder {
     fn account(&mut self, account: Account) -> ControlFlow<()> {
         self.awaits_energies = false;
         self.turned_over.look(&account);
-        let numbers = row_of(&frame_energies(&account));
+        let numbers = frame_energies(&account).numbers();
         let energies = self.record.energies.iter_mut();
         energies
             .zip(numbers)

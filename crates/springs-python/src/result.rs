@@ -3,20 +3,21 @@
 use crate::arrays::{array1, array2, array3};
 use crate::attended::{Progress, Shared, attended};
 use crate::errors::{Fault, interrupted};
-use crate::record::{ENERGIES, Record, Recorder, energies_of};
+use crate::record::{Energies, Record, Recorder};
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods as _};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use springs::filmstrip::{Panel, filmstrip};
 use springs::io::{
-    ENERGIES as ENERGY_TABLE, FrameMembers, Npz, RunEnd, RunPlan, Sink, SinkKind, TrajectoryFrame,
-    WriteError, write_whole,
+    ENERGIES, ENERGY_COLUMNS, FrameEnergies, FrameMembers, Npz, RunEnd, RunPlan, Sink, SinkKind,
+    TrajectoryFrame, WriteError, write_whole,
 };
 use springs::report::{Ending, Timings, TurnedOver, report};
 use springs::scene::{RunOptions, Scene, Vector3};
 use springs::solver::Interrupt;
 use springs::step::Islands;
 use springs::view::page_of;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -86,7 +87,9 @@ impl Run {
         let (ending, frames) = (Ending::from(outcome), record.n_frames());
         let report = report(&self.scene, islands, ending, timings, turned_over);
         let mut last = self.scene.clone();
-        islands.write_memory_to(&mut last);
+        islands.write_to(&mut last);
+        let springs = last.springs.iter();
+        let (is_broken, yielded) = springs.map(|one| (one.broken, one.yielded)).unzip();
         let result = RunResult {
             t: array1(py, record.times).unbind(),
             x: array3(py, record.positions, n_nodes, frames).unbind(),
@@ -95,20 +98,14 @@ impl Run {
             energy: energies(py, record.energies)?.unbind(),
             status: report.status.clone(),
             report: json(py, &report)?,
-            broken: array1(
-                py,
-                last.springs.iter().map(|spring| spring.broken).collect(),
-            )
-            .unbind(),
-            yielded: array1(
-                py,
-                last.springs.iter().map(|spring| spring.yielded).collect(),
-            )
-            .unbind(),
+            broken: array1(py, is_broken).unbind(),
+            yielded: array1(py, yielded).unbind(),
+            broken_since: record.broken_since,
             time: islands.time(),
             words: (ending == Ending::Interrupted).then(|| islands.save()),
             turned_over,
             scene: self.scene,
+            last,
             options: self.options,
             intervals: self.intervals,
         };
@@ -123,10 +120,10 @@ impl Run {
     }
 }
 
-fn energies(py: Python<'_>, columns: [Vec<f64>; ENERGIES.len()]) -> PyResult<Bound<'_, PyDict>> {
+fn energies(py: Python<'_>, columns: Energies<Vec<f64>>) -> PyResult<Bound<'_, PyDict>> {
     let energies = PyDict::new(py);
-    for (name, column) in ENERGIES.into_iter().zip(columns) {
-        energies.set_item(name, array1(py, column))?;
+    for (kind, column) in ENERGY_COLUMNS.iter().zip(columns) {
+        energies.set_item(kind.name, array1(py, column))?;
     }
     Ok(energies)
 }
@@ -173,7 +170,12 @@ pub(crate) struct RunResult {
     /// What it goes on from, if it was interrupted.
     words: Option<Vec<u64>>,
     turned_over: TurnedOver,
+    /// As it was at the start.
     scene: Scene,
+    /// As it is at the end.
+    last: Scene,
+    /// Springs that were broken, and since which frame.
+    broken_since: BTreeMap<usize, usize>,
     options: RunOptions,
     intervals: usize,
 }
@@ -201,13 +203,20 @@ impl RunResult {
         })
     }
 
-    fn columns(&self, py: Python<'_>) -> PyResult<[Vec<f64>; ENERGIES.len()]> {
-        let mut columns: [Vec<f64>; ENERGIES.len()] = Default::default();
-        for (column, name) in columns.iter_mut().zip(ENERGIES) {
-            let array = self.energy.bind(py).as_any().get_item(name)?;
+    fn columns(&self, py: Python<'_>) -> PyResult<Energies<Vec<f64>>> {
+        let mut columns: Energies<Vec<f64>> = Default::default();
+        for (column, kind) in columns.iter_mut().zip(ENERGY_COLUMNS) {
+            let array = self.energy.bind(py).as_any().get_item(kind.name)?;
             *column = array.cast::<PyArray1<f64>>()?.to_vec().map_err(changed)?;
         }
         Ok(columns)
+    }
+
+    /// The springs that are broken at a frame, ascending.
+    fn broken_at(&self, frame: usize) -> Vec<usize> {
+        let all = self.broken_since.iter();
+        let broken = all.filter(|(_, since)| **since <= frame);
+        broken.map(|(spring, _)| *spring).collect()
     }
 
     fn plan(&self) -> RunPlan<'_> {
@@ -242,7 +251,7 @@ impl RunResult {
 
     fn finish(&self, sink: Box<dyn Sink>) -> Result<(), Fault> {
         let end = RunEnd {
-            scene: &self.scene,
+            scene: &self.last,
             time: self.time,
             peaks: &[],
         };
@@ -260,15 +269,15 @@ impl RunResult {
     fn write_energies(
         &self,
         times: &[f64],
-        columns: &[Vec<f64>; ENERGIES.len()],
+        columns: &Energies<Vec<f64>>,
         folder: &Path,
     ) -> Result<(), Fault> {
-        let mut sink = ENERGY_TABLE
+        let mut sink = ENERGIES
             .begin(folder, &self.plan())
             .map_err(Fault::system)?;
         for (k, &time) in times.iter().enumerate() {
-            let row = std::array::from_fn(|column| columns[column][k]);
-            let energies = energies_of(time, row);
+            let numbers = std::array::from_fn(|column| columns[column][k]);
+            let energies = FrameEnergies::of_numbers(time, numbers);
             sink.energies(&energies).map_err(Fault::system)?;
         }
         self.finish(sink)
@@ -314,6 +323,7 @@ impl RunResult {
             velocities: self.v.bind(py).to_vec().map_err(changed)?,
             tensions: self.tension.bind(py).to_vec().map_err(changed)?,
             energies: self.columns(py)?,
+            broken_since: self.broken_since.clone(),
         };
         run.go(py, &progress)
     }
@@ -347,7 +357,7 @@ impl RunResult {
             let folder = tempfile::tempdir().map_err(Fault::system)?;
             self.write_arrays(&numbers, folder.path())?;
             self.write_energies(&numbers.times, &energies, folder.path())?;
-            let page = page_of(folder.path(), &self.scene).map_err(Fault::system)?;
+            let page = page_of(folder.path(), &self.last).map_err(Fault::system)?;
             write_whole(&path, page.as_bytes()).map_err(Fault::system)
         })?;
         if opens {
@@ -380,7 +390,7 @@ impl RunResult {
                 .iter()
                 .map(|row| Vector3::from(*row))
                 .collect(),
-            broken: Vec::new(),
+            broken: self.broken_at(index),
         };
         let panels: Vec<Panel> = shown.into_iter().map(panel).collect();
         Ok(filmstrip(&self.scene, &panels))

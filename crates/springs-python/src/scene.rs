@@ -20,7 +20,7 @@ use springs::scene::{
     Guide, Load, NamedMotion, Node, OverTime, PrescribedMotion, Rayleigh, RunOptions, Scene,
     StepControl, Vector3,
 };
-use springs::sinks::default_intervals;
+use springs::sinks::intervals;
 use springs::step::NodeStates;
 use springs::sweep::Subject;
 use std::path::PathBuf;
@@ -364,7 +364,7 @@ impl PyScene {
 
     /// Simulates `duration` s from `start` (anything with x and perhaps v, broken and
     /// yielded, such as an equilibrium or a result; else the scene itself), with an error of `tolerance` m or steps of `step` s,
-    /// and shows `frames` + 1 frames (else 60 a second). `progress` is True for a bar, or a
+    /// and shows `frames` + 1 frames (else those of its file, or 60 a second). `progress` is True for a bar, or a
     /// function of a number from 0 to 1.
     ///
     /// Ctrl-C raises `Interrupted`, and what fails on the way `StepError`; their `result`
@@ -398,7 +398,7 @@ impl PyScene {
         let intervals = match frames {
             Some(0) => return Err(Fault::scene("frames must be at least 1").into()),
             Some(frames) => frames,
-            None => default_intervals(&scene),
+            None => intervals(&scene),
         };
         Run::new(py, scene, options, intervals)?.go(py, &progress)
     }
@@ -528,8 +528,9 @@ impl PyScene {
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         let text = scene_to_string(&self.build()?, &self.options);
+        let inputs = serde_json::to_string(&self.inputs).map_err(Fault::system)?;
         let make = py.import("springs._springs")?.getattr("_scene")?;
-        (make, (text,)).into_pyobject(py)
+        (make, (text, inputs)).into_pyobject(py)
     }
 
     fn __repr__(&self) -> String {
@@ -556,8 +557,12 @@ pub(crate) fn load(path: PathBuf) -> PyResult<PyScene> {
     parse(&file, &text.map_err(|error| Fault::from(&error))?)
 }
 
-/// A scene from the text of a file: what pickling writes.
+/// A scene from the text of a file and what that does not say of materials, groups and
+/// damping ratios: what pickling writes.
 #[pyfunction(name = "_scene")]
-pub(crate) fn scene_of_text(text: &str) -> PyResult<PyScene> {
-    parse("a pickled scene", text)
+pub(crate) fn scene_of_text(text: &str, inputs: &str) -> PyResult<PyScene> {
+    let mut scene = parse("a pickled scene", text)?;
+    scene.inputs = serde_json::from_str(inputs)
+        .map_err(|error| Fault::scene(format!("a pickled scene is damaged: {error}")))?;
+    Ok(scene)
 }

@@ -3,12 +3,11 @@
 use crate::arrays::{Floats, array1, array2, flat};
 use crate::attended::{LOOK, Progress, Shared, attended};
 use crate::errors::{Fault, interrupted};
-use crate::record::{ENERGIES, row_of};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyTuple};
 use serde::{Deserialize, Serialize};
-use springs::io::{Checkpoint, parse_scene, scene_to_string};
+use springs::io::{Checkpoint, ENERGY_COLUMNS, parse_scene, scene_to_string};
 use springs::report::frame_energies;
 use springs::scene::{RunOptions, Scene, Spring, StepControl};
 use springs::solver::Interrupt;
@@ -204,9 +203,9 @@ impl PySimulation {
     fn energy<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let account = self.simulation().account_now();
         let energies = PyDict::new(py);
-        let numbers = row_of(&frame_energies(&account));
-        for (name, number) in ENERGIES.into_iter().zip(numbers) {
-            energies.set_item(name, number)?;
+        let numbers = frame_energies(&account).numbers();
+        for (column, number) in ENERGY_COLUMNS.iter().zip(numbers) {
+            energies.set_item(column.name, number)?;
         }
         energies.set_item("control_work", account.ledger.control_work)?;
         Ok(energies)

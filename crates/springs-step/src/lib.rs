@@ -37,7 +37,7 @@ mod work;
 pub use anchors::Anchors;
 pub use archive::{Archive, ForeignState};
 pub use control::choice::{Choice, Pace};
-pub use control::costs::CostModel;
+pub use control::costs::{CostModel, StepSizes};
 pub use control::plan::StepPlan;
 pub use error::{Cause, MethodError, SetupError, StepError, Suspect};
 pub use flows::{BlockWorks, Flows};

@@ -193,7 +193,7 @@ impl Output {
     }
 
     /// Bytes that could not be written so far.
-    pub(crate) fn n_unwritten(&self) -> usize {
+    pub(crate) fn n_unwritten(&mut self) -> usize {
         self.sinks.n_unwritten()
     }
 
@@ -208,7 +208,7 @@ impl Output {
     }
 
     /// How far it is written.
-    pub(crate) fn marks(&self) -> Marks {
+    pub(crate) fn marks(&mut self) -> Marks {
         self.sinks.marks()
     }
 

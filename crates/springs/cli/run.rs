@@ -17,7 +17,7 @@ use springs::io::{
 };
 use springs::report::{self, Timings, TurnedOver, report};
 use springs::scene::{RunOptions, Scene, Start};
-use springs::sinks::{Marks, SINKS, default_intervals, tension_peaks};
+use springs::sinks::{Marks, SINKS, intervals, tension_peaks};
 use springs::solver::Interrupt;
 use springs::step::{Islands, Outcome, Patience, StepError};
 use springs::view::{self, View};
@@ -141,9 +141,9 @@ pub(crate) fn run(arguments: &RunArguments) -> anyhow::Result<Ending> {
     progress.phase("setting up");
     let islands = Islands::with_options(&source.scene, &source.options)
         .map_err(|error| source.advised(&error))?;
-    let intervals = match arguments.frames.or(source.scene.output.frames) {
+    let intervals = match arguments.frames {
         Some(frames) => frames as usize,
-        None => default_intervals(&source.scene),
+        None => intervals(&source.scene),
     };
     let names = arguments.outputs(&source.scene)?;
     let mut run = Run {
@@ -427,9 +427,7 @@ impl Run {
     /// The scene as the simulation left it.
     fn last(&self) -> Scene {
         let mut scene = self.scene.clone();
-        scene.shift_time(self.islands.time());
-        self.islands.nodes().write_to(&mut scene);
-        self.islands.write_memory_to(&mut scene);
+        self.islands.write_to(&mut scene);
         scene
     }
 }

@@ -11,7 +11,7 @@ pub(crate) use view::{axes, up_of};
 use nalgebra::Vector3;
 use springs_io::{
     ContinueError, Mark, ResumeSink, RunEnd, RunPlan, Sink, SinkKind, TrajectoryFrame, WriteError,
-    write_whole,
+    Written, write_whole,
 };
 use springs_scene::{Scene, Spring};
 use std::path::{Path, PathBuf};
@@ -105,9 +105,8 @@ impl Sink for Panels {
         Ok(())
     }
 
-    fn mark(&self) -> Mark {
-        let panels: Vec<PanelBits> = self.panels.iter().map(bits_of).collect();
-        Mark::of(&panels)
+    fn written(&mut self) -> &mut dyn Written {
+        self
     }
 
     fn finish(mut self: Box<Self>, end: &RunEnd<'_>) -> Result<(), WriteError> {
@@ -124,6 +123,14 @@ impl Sink for Panels {
         scene.shift_time(-end.time);
         let picture = filmstrip(&scene, &self.panels);
         write_whole(&self.path, picture.as_bytes())
+    }
+}
+
+/// All is in the mark.
+impl Written for Panels {
+    fn mark(&self) -> Mark {
+        let panels: Vec<PanelBits> = self.panels.iter().map(bits_of).collect();
+        Mark::of(&panels)
     }
 }
 

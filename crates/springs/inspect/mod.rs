@@ -38,7 +38,7 @@ mod warning;
 mod words;
 
 pub use contents::Contents;
-pub use forecast::Forecast;
+pub use forecast::{Forecast, UsualSteps};
 pub use materials::{LawCount, MaterialRanges};
 pub use mechanisms::Mechanism;
 pub use plan::Plan;
@@ -183,15 +183,15 @@ mod tests {
         ];
         let said = warnings(&scene);
         for part in [
-            "spring 4 without stiffness",
+            "spring 4 is without stiffness",
             "spring 5: the two nodes coincide",
             "springs 4, 5: more than 50 %",
             "spring 3: another spring",
             "1 part with node 4",
-            "node 4 free but without mass",
+            "node 4 is free but without mass",
             "node 5 is",
-            "node 6 free but at no spring",
-            "node 7 fixed and at no spring",
+            "node 6 is free but at no spring",
+            "node 7 is fixed and at no spring",
             "at the place of another node, and no spring",
             "loads on node 0, fixed",
             "load 0 names node 1 more than once",

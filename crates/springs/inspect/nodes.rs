@@ -1,7 +1,7 @@
 //! Nodes without mass or springs, at one place, or that begin with a jump.
 
 use super::warning::Warnings;
-use super::words::rounded;
+use super::words::{are, rounded};
 use springs_scene::Scene;
 use std::collections::{HashMap, HashSet};
 
@@ -24,8 +24,9 @@ fn list_masses(scene: &Scene, warnings: &mut Warnings) {
         &massless,
         |named| {
             format!(
-                "{named} free but without mass: only springs hold {them}, and explicit methods \
-                 refuse {them}"
+                "{named} {} free but without mass: only springs hold {them}, and explicit methods \
+                 refuse {them}",
+                are(&massless)
             )
         },
         "give nodes or springs a mass in kg",
@@ -54,15 +55,23 @@ fn list_without_springs(scene: &Scene, warnings: &mut Warnings) {
         let nodes = nodes.filter(|&node| !has_spring[node] && scene.nodes[node].fixed == fixed);
         nodes.collect()
     };
+    let free = loose(false);
     warnings.of_nodes(
-        &loose(false),
-        |named| format!("{named} free but at no spring: nothing holds or moves with it"),
+        &free,
+        |named| {
+            let are = are(&free);
+            format!("{named} {are} free but at no spring: only loads and gravity act there")
+        },
         "join it by a spring, fix it, or remove it",
     );
     if !scene.springs.is_empty() {
+        let fixed = loose(true);
         warnings.of_nodes(
-            &loose(true),
-            |named| format!("{named} fixed and at no spring: it does nothing"),
+            &fixed,
+            |named| {
+                let are = are(&fixed);
+                format!("{named} {are} fixed and at no spring: that does nothing")
+            },
             "join it by a spring, or remove it",
         );
     }
@@ -91,7 +100,10 @@ fn list_coincident(scene: &Scene, warnings: &mut Warnings) {
     apart.sort_unstable();
     warnings.of_nodes(
         &apart,
-        |named| format!("{named} at the place of another node, and no spring joins the two"),
+        |named| {
+            let are = are(&apart);
+            format!("{named} {are} at the place of another node, and no spring joins the two")
+        },
         "if they are meant to be one, give springs the same node",
     );
 }

@@ -1,6 +1,7 @@
 //! Springs that do nothing, pull nowhere, or stand twice.
 
 use super::warning::Warnings;
+use super::words::are;
 use springs_scene::{Scene, Spring, SpringLaw};
 use std::collections::HashMap;
 
@@ -59,7 +60,10 @@ pub(super) fn list(scene: &Scene, warnings: &mut Warnings) {
     let dead = indices(scene, |spring| is_dead(spring) && !spring.broken);
     warnings.of_springs(
         &dead,
-        |named| format!("{named} without stiffness and damping: only mass comes from them"),
+        |named| {
+            let are = are(&dead);
+            format!("{named} {are} without stiffness and damping: that adds mass and nothing else")
+        },
         "give them a stiffness in N/m, or make their mass that of the nodes",
     );
     let coincident = indices(scene, |spring| {

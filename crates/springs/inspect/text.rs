@@ -1,7 +1,9 @@
 //! A check as text.
 
 use super::words::{count, memory, rounded, short, time};
-use super::{Check, Contents, Forecast, MaterialRanges, Mechanism, Plan, Range, Vibrations};
+use super::{
+    Check, Contents, Forecast, MaterialRanges, Mechanism, Plan, Range, UsualSteps, Vibrations,
+};
 use springs_scene::printable;
 use std::fmt::{self, Display, Formatter};
 
@@ -307,7 +309,22 @@ impl Display for Forecast {
         if let Some(step) = self.step_seconds {
             writeln!(f, "  a step takes roughly {} of processor time", time(step))?;
         }
-        if let Some(seconds) = self.seconds_if_resolved {
+        if let Some(usual) = self.usual {
+            let UsualSteps {
+                steps: [least, most],
+                seconds: [short, long],
+            } = usual;
+            let (least, most) = (rounded(least as f64), rounded(most as f64));
+            let (from, to) = (time(short), time(long));
+            let other = match self.step_seconds {
+                Some(_) => "",
+                None => ", less where another method is cheaper",
+            };
+            writeln!(
+                f,
+                "  dop853 makes {least} to {most} steps usually, in {from} to {to} of processor time{other}"
+            )?;
+        } else if let Some(seconds) = self.seconds_if_resolved {
             writeln!(
                 f,
                 "  takes roughly {} of processor time if steps resolve the fastest vibration, often less",

@@ -20,6 +20,11 @@ pub(crate) fn name_them(what: &str, indices: &[usize]) -> String {
     }
 }
 
+/// The verb after what [`name_them`] names.
+pub(crate) fn are(indices: &[usize]) -> &'static str {
+    if indices.len() == 1 { "is" } else { "are" }
+}
+
 /// Four significant digits.
 pub fn short(value: f64) -> String {
     let text = format!("{value:.3e}");

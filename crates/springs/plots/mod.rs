@@ -4,13 +4,9 @@
 
 mod chart;
 mod pictures;
-mod rows;
 
-pub use rows::TableError;
-
-use springs_io::{WriteError, write_whole};
+use springs_io::{TableError, WriteError, write_whole};
 use springs_scene::printable;
-use std::io;
 use std::path::{Path, PathBuf};
 
 /// A table that can be drawn.
@@ -82,9 +78,7 @@ pub fn plot(folder: &Path) -> Result<Vec<&'static str>, PlotError> {
     for plot in PLOTS {
         let charts = match (plot.charts)(&folder.join(plot.table)) {
             Ok(charts) => charts,
-            Err(TableError::Read { source, .. }) if source.kind() == io::ErrorKind::NotFound => {
-                continue;
-            }
+            Err(error) if error.is_missing() => continue,
             Err(error) => return Err(error.into()),
         };
         let title = match name.as_str() {

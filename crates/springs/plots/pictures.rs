@@ -1,50 +1,29 @@
 //! What is drawn of each table.
 
 use super::chart::{Chart, Scale, Series, Shape};
-use super::rows::{Row, TableError, read};
+use springs_io::{ENERGY_COLUMNS, TableError, TableRows, read_energies};
 use std::path::Path;
 
 /// Of `energy.csv`: energies, and what flowed.
 pub(super) fn energies(path: &Path) -> Result<Vec<Chart>, TableError> {
-    const COLUMNS: [&str; 10] = [
-        "time",
-        "kinetic",
-        "elastic",
-        "gravity",
-        "total",
-        "anchor_work",
-        "load_work",
-        "dashpot_heat",
-        "broken_energy",
-        "method_gain",
-    ];
-    const NAMES: [&str; 9] = [
-        "kinetic",
-        "springs",
-        "gravity",
-        "sum",
-        "work of anchors",
-        "work of loads",
-        "heat of dashpots and drag",
-        "broken and yielded springs",
-        "gain of the method",
-    ];
-    /// Of the columns after the time.
-    const N_ENERGIES: usize = 4;
-    let mut series = NAMES.map(Series::new);
-    read(path, COLUMNS, |row| {
-        let time = row.number_or_nan(0)?;
-        for (index, series) in series.iter_mut().enumerate() {
-            series.points.push((time, row.number_or_nan(index + 1)?));
+    let rows = read_energies(path)?;
+    let (mut energies, mut flows) = (Vec::new(), Vec::new());
+    for (index, column) in ENERGY_COLUMNS.iter().enumerate() {
+        let points = rows.iter().map(|row| (row.time, row.numbers()[index]));
+        let series = Series {
+            points: points.collect(),
+            ..Series::new(column.label)
+        };
+        if column.is_flow {
+            flows.push(series);
+        } else {
+            energies.push(series);
         }
-        Ok(())
-    })?;
-    let mut series = series.to_vec();
-    let mut flows = series.split_off(N_ENERGIES);
+    }
     // What there is nothing of is left out.
     flows.retain(|one| one.points.iter().any(|(_, value)| *value != 0.0));
     Ok(vec![
-        Chart::over_time("energy (J)", Scale::Linear, series),
+        Chart::over_time("energy (J)", Scale::Linear, energies),
         Chart::over_time("since the start (J)", Scale::Linear, flows),
     ])
 }
@@ -70,7 +49,8 @@ pub(super) fn steps(path: &Path) -> Result<Vec<Chart>, TableError> {
     ]
     .map(Series::new);
     let mut before = [0.0; 4];
-    read(path, COLUMNS, |row| {
+    let mut rows = TableRows::open(path, COLUMNS)?;
+    while let Some(row) = rows.next()? {
         let time = row.number_or_nan(0)?;
         sizes.points.push((time, row.number_or_nan(1)?));
         error.points.push((time, row.number_or_nan(2)?));
@@ -86,8 +66,7 @@ pub(super) fn steps(path: &Path) -> Result<Vec<Chart>, TableError> {
                 .push((time, (count - before) / steps.max(1.0)));
         }
         before = counts;
-        Ok(())
-    })?;
+    }
     let mut each = each.to_vec();
     each.retain(|one| one.points.iter().any(|(_, value)| *value != 0.0));
     Ok(vec![
@@ -105,12 +84,12 @@ pub(super) fn steps(path: &Path) -> Result<Vec<Chart>, TableError> {
 pub(super) fn peaks(path: &Path) -> Result<Vec<Chart>, TableError> {
     const COLUMNS: [&str; 3] = ["spring", "max_tension", "min_tension"];
     let [mut most, mut least] = ["largest", "least"].map(Series::new);
-    read(path, COLUMNS, |row| {
+    let mut rows = TableRows::open(path, COLUMNS)?;
+    while let Some(row) = rows.next()? {
         let spring = row.number_or_nan(0)?;
         most.points.push((spring, row.number_or_nan(1)?));
         least.points.push((spring, row.number_or_nan(2)?));
-        Ok(())
-    })?;
+    }
     Ok(vec![Chart {
         along: "spring",
         shape: Shape::Dots,
@@ -132,7 +111,8 @@ const UNITS: [(&str, &[&str]); 6] = [
 pub(super) fn probes(path: &Path) -> Result<Vec<Chart>, TableError> {
     const COLUMNS: [&str; 5] = ["time", "item", "index", "quantity", "value"];
     let mut charts: Vec<Chart> = Vec::new();
-    read(path, COLUMNS, |row: Row<'_, 5>| {
+    let mut rows = TableRows::open(path, COLUMNS)?;
+    while let Some(row) = rows.next()? {
         let [_, item, index, quantity, _] = row.cells;
         let known = UNITS.iter().find(|(_, names)| names.contains(&quantity));
         // What later programs tell has its name.
@@ -158,7 +138,6 @@ pub(super) fn probes(path: &Path) -> Result<Vec<Chart>, TableError> {
                 ..Series::new(&name)
             }),
         }
-        Ok(())
-    })?;
+    }
     Ok(charts)
 }

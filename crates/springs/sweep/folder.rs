@@ -18,8 +18,7 @@ use super::table::{Table, append, quoted};
 use super::{Axis, Plan, PlanError, Run, Subject};
 use serde::{Deserialize, Serialize};
 use springs_io::{
-    Inputs, SceneError, SpringInput, WriteError, read_scene, scene_to_string, write_scene,
-    write_whole,
+    Inputs, SceneError, WriteError, read_scene, scene_to_string, write_scene, write_whole,
 };
 use springs_solver::Interrupt;
 use std::collections::BTreeSet;
@@ -82,10 +81,7 @@ struct PlanFile {
     set: Vec<AxisFile>,
     measure: Vec<String>,
     skip: bool,
-    materials: Vec<String>,
-    /// Springs and their materials.
-    of_materials: Vec<(usize, usize)>,
-    damping_ratios: Vec<(usize, f64)>,
+    inputs: Inputs,
 }
 
 #[derive(Serialize, Deserialize, PartialEq)]
@@ -103,16 +99,12 @@ impl PlanFile {
             name: axis.setting.to_string(),
             values: axis.values.clone(),
         };
-        let of_materials = inputs.springs.iter();
-        let of_materials = of_materials.filter_map(|input| Some((input.spring, input.material?)));
         Self {
             springs_version: env!("CARGO_PKG_VERSION").to_owned(),
             set: plan.axes().iter().map(axis).collect(),
             measure: plan.measures().iter().map(ToString::to_string).collect(),
             skip: options.skip,
-            materials: inputs.materials.clone(),
-            of_materials: of_materials.collect(),
-            damping_ratios: inputs.damping_ratios.clone(),
+            inputs: inputs.clone(),
         }
     }
 }
@@ -227,20 +219,10 @@ impl Folder {
         let (scene, mut options) = read_scene(&folder.join(SCENE))?;
         options.threads = 1;
         options.skip = file.skip;
-        let inputs = Inputs {
-            materials: file.materials,
-            springs: file
-                .of_materials
-                .iter()
-                .map(|&(spring, material)| SpringInput::of_material(spring, material))
-                .collect(),
-            damping_ratios: file.damping_ratios,
-            ..Inputs::default()
-        };
         let subject = Subject {
             scene,
             options,
-            inputs,
+            inputs: file.inputs,
         };
         let axes = file.set.into_iter().map(|axis| {
             Ok(Axis {

@@ -1,9 +1,10 @@
 //! Numbers that a run comes to, by name.
 
 use super::Subject;
+use super::selection::Selection;
 use crate::report::{Ending, frame_energies};
-use crate::sinks::default_intervals;
-use springs_io::FrameEnergies;
+use crate::sinks::intervals;
+use springs_io::ENERGY_COLUMNS;
 use springs_scene::{Start, printable};
 use springs_solver::Interrupt;
 use springs_statics::StaticsError;
@@ -16,7 +17,8 @@ use std::time::Instant;
 /// A number of a run: `max(…)`, `min(…)` or `final(…)` of a quantity, or a count.
 ///
 /// Tensions (N) are those at the ends of steps where it is the largest or the least that
-/// is asked for, of all springs, or of one as in `max(tension[3])`; strains, energies (J),
+/// is asked for, of all springs, or of some as in `max(tension[3])`, `max(tension[3:10])` or
+/// `max(materials.wire.tension)`; strains, energies (J),
 /// and coordinates (m), displacements (m) and speeds (m/s) of nodes are those of frames.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Measure {
@@ -24,11 +26,17 @@ pub struct Measure {
     what: What,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 enum What {
     Over(Extent, Quantity),
+    Count(Count),
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Count {
     Steps,
     RejectedSteps,
+    EstimatedError,
     Seconds,
     BrokenSprings,
 }
@@ -40,13 +48,18 @@ enum Extent {
     Final,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 enum Quantity {
-    Tension(Option<usize>),
-    Strain(Option<usize>),
+    OfSprings(SpringQuantity, Selection),
     Node(NodeQuantity, usize),
     Speed,
     Energy(usize),
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum SpringQuantity {
+    Tension,
+    Strain,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,11 +76,17 @@ const EXTENTS: [(&str, Extent); 3] = [
     ("final", Extent::Final),
 ];
 
-const COUNTS: [(&str, What); 4] = [
-    ("steps", What::Steps),
-    ("rejected_steps", What::RejectedSteps),
-    ("seconds", What::Seconds),
-    ("broken_springs", What::BrokenSprings),
+const COUNTS: [(&str, Count); 5] = [
+    ("steps", Count::Steps),
+    ("rejected_steps", Count::RejectedSteps),
+    ("estimated_error", Count::EstimatedError),
+    ("seconds", Count::Seconds),
+    ("broken_springs", Count::BrokenSprings),
+];
+
+const SPRING_QUANTITIES: [(&str, SpringQuantity); 2] = [
+    ("tension", SpringQuantity::Tension),
+    ("strain", SpringQuantity::Strain),
 ];
 
 const NODE_QUANTITIES: [(&str, NodeQuantity); 8] = [
@@ -81,20 +100,6 @@ const NODE_QUANTITIES: [(&str, NodeQuantity); 8] = [
     ("displacement", NodeQuantity::Displacement),
 ];
 
-type EnergyLine = (&'static str, fn(&FrameEnergies) -> f64);
-
-const ENERGIES: [EnergyLine; 9] = [
-    ("kinetic", |e| e.energy.kinetic),
-    ("elastic", |e| e.energy.elastic),
-    ("gravity", |e| e.energy.gravity),
-    ("total", |e| e.energy.total),
-    ("anchor_work", |e| e.anchor_work),
-    ("load_work", |e| e.load_work),
-    ("dashpot_heat", |e| e.dashpot_heat),
-    ("broken_energy", |e| e.broken_energy),
-    ("method", |e| e.method_gain),
-];
-
 /// There is no such measure.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
@@ -106,14 +111,12 @@ pub enum MeasureError {
         name: String,
     },
     /// In this scene.
-    #[error("`{name}` is nothing in this scene of {n_nodes} nodes and {n_springs} springs")]
+    #[error("`{name}` is nothing in this scene, which has {there}")]
     Nothing {
         /// The name.
         name: String,
-        /// Number of nodes.
-        n_nodes: usize,
-        /// Number of springs.
-        n_springs: usize,
+        /// What there is.
+        there: String,
     },
 }
 
@@ -121,11 +124,12 @@ pub enum MeasureError {
 pub fn what_can_be_measured() -> String {
     let list = |names: &mut dyn Iterator<Item = &'static str>| names.collect::<Vec<_>>().join(", ");
     format!(
-        "there are max(Q), min(Q) and final(Q), where Q is tension or strain (as tension[3], of \
-         one spring), {} of a node (as z[3]), speed (of the fastest node), or an energy ({}); \
+        "there are max(Q), min(Q) and final(Q), where Q is {} (as tension[3], tension[3:10] or \
+         materials.NAME.tension, of some springs), {} of a node (as z[3]), speed (of the fastest node), or an energy ({}); \
          and {}",
+        list(&mut SPRING_QUANTITIES.iter().map(|(name, _)| *name)),
         list(&mut NODE_QUANTITIES.iter().map(|(name, _)| *name)),
-        list(&mut ENERGIES.iter().map(|(name, _)| *name)),
+        list(&mut ENERGY_COLUMNS.iter().map(|column| column.name)),
         list(&mut COUNTS.iter().map(|(name, _)| *name)),
     )
 }
@@ -145,7 +149,7 @@ impl FromStr for Measure {
         };
         let counts = COUNTS.iter().find(|(known, _)| *known == name);
         let what = match counts {
-            Some((_, count)) => *count,
+            Some((_, count)) => What::Count(*count),
             None => over(name).ok_or_else(unknown)?,
         };
         Ok(Self {
@@ -158,24 +162,33 @@ impl FromStr for Measure {
 fn over(name: &str) -> Option<What> {
     let (extent, quantity) = name.strip_suffix(')')?.split_once('(')?;
     let (_, extent) = EXTENTS.iter().find(|(known, _)| *known == extent)?;
-    let (quantity, index) = match quantity.strip_suffix(']').map(|name| name.split_once('[')) {
-        Some(Some((quantity, index))) => (quantity, Some(index.parse().ok()?)),
-        Some(None) => return None,
-        None => (quantity, None),
+    Some(What::Over(*extent, self::quantity(quantity)?))
+}
+
+fn quantity(name: &str) -> Option<Quantity> {
+    let of_springs = |name: &str| {
+        let mut all = SPRING_QUANTITIES.iter();
+        all.find(|(known, _)| *known == name)
+            .map(|(_, found)| *found)
     };
-    let energy = || ENERGIES.iter().position(|(known, _)| *known == quantity);
-    let quantity = match (quantity, index) {
-        ("tension", index) => Quantity::Tension(index),
-        ("strain", index) => Quantity::Strain(index),
-        ("speed", None) => Quantity::Speed,
-        (quantity, Some(node)) => {
-            let mut all = NODE_QUANTITIES.iter();
-            let (_, found) = all.find(|(known, _)| *known == quantity)?;
-            Quantity::Node(*found, node)
+    if let Some((selection, field)) = Selection::of_material(name) {
+        return Some(Quantity::OfSprings(of_springs(field)?, selection));
+    }
+    for (known, quantity) in SPRING_QUANTITIES {
+        if let Some((selection, "")) = Selection::of_list(name, known) {
+            return Some(Quantity::OfSprings(quantity, selection));
         }
-        (_, None) => Quantity::Energy(energy()?),
-    };
-    Some(What::Over(*extent, quantity))
+    }
+    if name == "speed" {
+        return Some(Quantity::Speed);
+    }
+    if let Some((quantity, node)) = name.strip_suffix(']').and_then(|name| name.split_once('[')) {
+        let mut all = NODE_QUANTITIES.iter();
+        let (_, found) = all.find(|(known, _)| *known == quantity)?;
+        return Some(Quantity::Node(*found, node.parse().ok()?));
+    }
+    let energy = ENERGY_COLUMNS.iter().position(|column| column.name == name);
+    energy.map(Quantity::Energy)
 }
 
 impl Measure {
@@ -185,33 +198,40 @@ impl Measure {
     ///
     /// If its node or spring is not there.
     pub fn check(&self, subject: &Subject) -> Result<(), MeasureError> {
-        let (n_nodes, n_springs) = (subject.scene.nodes.len(), subject.scene.springs.len());
-        let is_there = match self.what {
-            What::Over(_, Quantity::Tension(spring) | Quantity::Strain(spring)) => {
-                spring.unwrap_or(0) < n_springs
+        let n_nodes = subject.scene.nodes.len();
+        let there = match &self.what {
+            What::Over(_, Quantity::OfSprings(_, selection)) => match springs(selection, subject) {
+                Err(there) => there,
+                Ok(_) => return Ok(()),
+            },
+            What::Over(_, Quantity::Node(_, node)) if *node >= n_nodes => {
+                format!("{n_nodes} nodes, counted from 0")
             }
-            What::Over(_, Quantity::Node(_, node)) => node < n_nodes,
-            What::Over(_, Quantity::Speed) => n_nodes > 0,
-            _ => true,
+            What::Over(_, Quantity::Speed) if n_nodes == 0 => "no nodes".to_owned(),
+            _ => return Ok(()),
         };
-        if is_there {
-            Ok(())
-        } else {
-            Err(MeasureError::Nothing {
-                name: self.name.clone(),
-                n_nodes,
-                n_springs,
-            })
-        }
+        Err(MeasureError::Nothing {
+            name: self.name.clone(),
+            there,
+        })
     }
 
     fn wants_members(&self) -> bool {
-        matches!(self.what, What::Over(_, Quantity::Tension(_)))
+        matches!(
+            self.what,
+            What::Over(_, Quantity::OfSprings(SpringQuantity::Tension, _))
+        )
     }
 
     fn wants_energies(&self) -> bool {
         matches!(self.what, What::Over(_, Quantity::Energy(_)))
     }
+}
+
+/// The springs that a measure is of.
+fn springs(selection: &Selection, subject: &Subject) -> Result<Vec<usize>, String> {
+    let n_springs = subject.scene.springs.len();
+    selection.members(&subject.inputs, n_springs, "springs")
 }
 
 /// Why a run has no measures.
@@ -258,8 +278,17 @@ pub fn measure(
     };
     let mut islands = Islands::with_options(scene, &subject.options)?;
     islands.set_interrupt(interrupt);
+    // Those of none are not measured.
+    let springs_of = |measure: &Measure| match &measure.what {
+        What::Over(_, Quantity::OfSprings(_, selection)) => {
+            springs(selection, subject).unwrap_or_default()
+        }
+        _ => Vec::new(),
+    };
+    let springs: Vec<Vec<usize>> = measures.iter().map(springs_of).collect();
     let mut watch = Watch {
         measures,
+        springs: &springs,
         subject,
         values: vec![None; measures.len()],
         wants_members: measures.iter().any(Measure::wants_members),
@@ -267,7 +296,7 @@ pub fn measure(
         awaits_energies: false,
         interrupt,
     };
-    let outcome = islands.run(default_intervals(scene), &mut watch);
+    let outcome = islands.run(intervals(scene), &mut watch);
     match Ending::from(outcome) {
         Ending::Finished => {}
         Ending::Interrupted => return Err(RunFailure::Interrupted),
@@ -280,42 +309,39 @@ pub fn measure(
         Vec::new()
     };
     let counts = islands.work().counts;
-    let of_peaks = |spring: Option<usize>, extent: Extent| {
-        let range = spring.map_or(0..peaks.len(), |spring| spring..spring + 1);
-        let peaks = peaks[range].iter();
-        if extent == Extent::Max {
-            peaks
-                .map(|peak| peak.max_tension)
-                .fold(f64::NEG_INFINITY, f64::max)
-        } else {
-            peaks
-                .map(|peak| peak.min_tension)
-                .fold(f64::INFINITY, f64::min)
+    let count = |count: Count| match count {
+        Count::Steps => counts.steps as f64,
+        Count::RejectedSteps => counts.rejected_steps as f64,
+        Count::EstimatedError => islands.estimated_error().unwrap_or(f64::NAN),
+        Count::Seconds => begin.elapsed().as_secs_f64(),
+        Count::BrokenSprings => {
+            let mut last = scene.clone();
+            islands.write_memory_to(&mut last);
+            last.springs.iter().filter(|spring| spring.broken).count() as f64
         }
     };
-    let measured = measures
-        .iter()
-        .zip(values)
-        .map(|(measure, value)| match measure.what {
-            What::Over(extent, Quantity::Tension(spring)) if extent != Extent::Final => {
-                of_peaks(spring, extent)
-            }
-            What::Over(..) => value.unwrap_or(f64::NAN),
-            What::Steps => counts.steps as f64,
-            What::RejectedSteps => counts.rejected_steps as f64,
-            What::Seconds => begin.elapsed().as_secs_f64(),
-            What::BrokenSprings => {
-                let mut last = scene.clone();
-                islands.write_memory_to(&mut last);
-                last.springs.iter().filter(|spring| spring.broken).count() as f64
-            }
-        });
+    let all = measures.iter().zip(values).zip(&springs);
+    let measured = all.map(|((measure, value), springs)| match &measure.what {
+        What::Count(kind) => count(*kind),
+        What::Over(extent, Quantity::OfSprings(SpringQuantity::Tension, _))
+            if *extent != Extent::Final =>
+        {
+            let tension = |&spring: &usize| match extent {
+                Extent::Min => peaks[spring].min_tension,
+                _ => peaks[spring].max_tension,
+            };
+            extreme(*extent, springs.iter().map(tension)).unwrap_or(f64::NAN)
+        }
+        What::Over(..) => value.unwrap_or(f64::NAN),
+    });
     Ok(measured.collect())
 }
 
 /// Takes note of what frames come to.
 struct Watch<'a> {
     measures: &'a [Measure],
+    /// Those that each measure is of.
+    springs: &'a [Vec<usize>],
     subject: &'a Subject,
     /// So far.
     values: Vec<Option<f64>>,
@@ -326,12 +352,13 @@ struct Watch<'a> {
 }
 
 impl Watch<'_> {
-    fn take(&mut self, value_of: impl Fn(Quantity, Extent) -> Option<f64>) {
-        for (measure, value) in self.measures.iter().zip(&mut self.values) {
-            let What::Over(extent, quantity) = measure.what else {
+    fn take(&mut self, value_of: impl Fn(&Quantity, Extent, &[usize]) -> Option<f64>) {
+        let all = self.measures.iter().zip(self.springs);
+        for ((measure, springs), value) in all.zip(&mut self.values) {
+            let What::Over(extent, quantity) = &measure.what else {
                 continue;
             };
-            let Some(new) = value_of(quantity, extent) else {
+            let Some(new) = value_of(quantity, *extent, springs) else {
                 continue;
             };
             *value = Some(match (extent, *value) {
@@ -380,17 +407,15 @@ impl Observer for Watch<'_> {
             springs_io::strain(spring, length)
         };
         let members = frame.members;
-        self.take(|quantity, extent| match quantity {
-            Quantity::Tension(spring) => {
+        self.take(|quantity, extent, springs| match quantity {
+            Quantity::OfSprings(SpringQuantity::Tension, _) => {
                 let tensions = &members.as_ref()?.tensions;
-                match spring {
-                    Some(spring) => Some(tensions[spring]),
-                    None => extreme(extent, tensions.iter().copied()),
-                }
+                extreme(extent, springs.iter().map(|&spring| tensions[spring]))
             }
-            Quantity::Strain(Some(spring)) => strain(spring),
-            Quantity::Strain(None) => extreme(extent, (0..scene.springs.len()).filter_map(strain)),
-            Quantity::Node(quantity, node) => Some(match quantity {
+            Quantity::OfSprings(SpringQuantity::Strain, _) => {
+                extreme(extent, springs.iter().filter_map(|&spring| strain(spring)))
+            }
+            &Quantity::Node(quantity, node) => Some(match quantity {
                 NodeQuantity::Coordinate(axis) => x[node][axis],
                 NodeQuantity::Velocity(axis) => v[node][axis],
                 NodeQuantity::Speed => v[node].norm(),
@@ -408,9 +433,9 @@ impl Observer for Watch<'_> {
 
     fn account(&mut self, account: Account) -> ControlFlow<()> {
         self.awaits_energies = false;
-        let energies = frame_energies(&account);
-        self.take(|quantity, _| match quantity {
-            Quantity::Energy(line) => Some(ENERGIES[line].1(&energies)),
+        let energies = frame_energies(&account).numbers();
+        self.take(|quantity, _, _| match quantity {
+            Quantity::Energy(index) => Some(energies[*index]),
             _ => None,
         });
         ControlFlow::Continue(())

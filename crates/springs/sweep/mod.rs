@@ -20,6 +20,7 @@
 
 mod folder;
 mod measure;
+mod selection;
 mod setting;
 mod table;
 mod values;

@@ -1,13 +1,13 @@
 //! Numbers of a scene that may be set by name.
 
 use super::Subject;
+use super::selection::Selection;
 use springs_io::Inputs;
 use springs_scene::{
     AxialStiffness, NoDampingRatio, PretensionError, Problem, Scene, StepControl, printable,
     rest_length_under,
 };
 use std::fmt;
-use std::ops::Range;
 use std::str::FromStr;
 
 /// A number of a scene, or one that several of its nodes or springs have, such as
@@ -26,14 +26,6 @@ enum Target {
     Nodes(Selection, NodeField),
     Loads(Selection),
     Scene(SceneField),
-}
-
-/// Some of the springs, nodes or loads.
-#[derive(Clone, Debug, PartialEq, Eq)]
-enum Selection {
-    All,
-    Range(Range<usize>),
-    Material(String),
 }
 
 /// Makes an enum of fields with their names and what they are, in the order of errors
@@ -172,42 +164,23 @@ fn target(name: &str) -> Option<Target> {
     if let Some(field) = SceneField::named(name) {
         return Some(Target::Scene(field));
     }
-    if let Some(of_material) = name.strip_prefix("materials.") {
-        let (material, field) = of_material.rsplit_once('.')?;
-        let selection = Selection::Material(material.to_owned());
+    if let Some((selection, field)) = Selection::of_material(name) {
         return Some(Target::Springs(selection, SpringField::named(field)?));
     }
-    if let Some((selection, "")) = selected(name, "loads") {
+    if let Some((selection, "")) = Selection::of_list(name, "loads") {
         return Some(Target::Loads(selection));
     }
-    if let Some((selection, field)) = selected(name, "nodes") {
+    if let Some((selection, field)) = Selection::of_list(name, "nodes") {
         let field = NodeField::named(field.strip_prefix('.')?)?;
         return Some(Target::Nodes(selection, field));
     }
-    if let Some((selection, field)) = selected(name, "springs") {
+    if let Some((selection, field)) = Selection::of_list(name, "springs") {
         let field = SpringField::named(field.strip_prefix('.')?)?;
         return Some(Target::Springs(selection, field));
     }
     // Nodes have masses, too.
     let field = SpringField::named(name).filter(|field| *field != SpringField::Mass)?;
     Some(Target::Springs(Selection::All, field))
-}
-
-/// What a name that begins with `list`, and perhaps `[i]` or `[i:j]`, goes on with.
-fn selected<'n>(name: &'n str, list: &str) -> Option<(Selection, &'n str)> {
-    let rest = name.strip_prefix(list)?;
-    let Some(bracket) = rest.strip_prefix('[') else {
-        return Some((Selection::All, rest));
-    };
-    let (range, rest) = bracket.split_once(']')?;
-    let range = match range.split_once(':') {
-        Some((from, to)) => from.parse().ok()?..to.parse().ok()?,
-        None => {
-            let index: usize = range.parse().ok()?;
-            index..index.checked_add(1)?
-        }
-    };
-    Some((Selection::Range(range), rest))
 }
 
 impl Setting {
@@ -264,37 +237,11 @@ impl Setting {
         n: usize,
         list: &str,
     ) -> Result<Vec<usize>, SettingError> {
-        let nothing = |there: String| SettingError::Nothing {
+        let members = selection.members(inputs, n, list);
+        members.map_err(|there| SettingError::Nothing {
             name: self.name.clone(),
             there,
-        };
-        let members: Vec<usize> = match selection {
-            Selection::All => (0..n).collect(),
-            Selection::Range(range) if range.end <= n => range.clone().collect(),
-            Selection::Range(_) => return Err(nothing(format!("{n} {list}, counted from 0"))),
-            Selection::Material(name) => {
-                let Some(material) = inputs.materials.iter().position(|known| known == name) else {
-                    let names = inputs
-                        .materials
-                        .iter()
-                        .map(|name| printable(name).to_string());
-                    let names: Vec<String> = names.collect();
-                    let there = if names.is_empty() {
-                        "no materials".to_owned()
-                    } else {
-                        format!("the materials {}", names.join(", "))
-                    };
-                    return Err(nothing(there));
-                };
-                let of_material = inputs.springs.iter();
-                let of_material = of_material.filter(|input| input.material == Some(material));
-                of_material.map(|input| input.spring).collect()
-            }
-        };
-        if members.is_empty() {
-            return Err(nothing(format!("no {list} there")));
-        }
-        Ok(members)
+        })
     }
 
     fn set_spring(

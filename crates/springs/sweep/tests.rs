@@ -154,6 +154,8 @@ fn plans_that_are_not_possible_are_told() {
         message(&["EA=1,2", "EA=3"], &max),
         message(&["EA=1,2"], &["mean(tension)"]),
         message(&["EA=1,2"], &["max(z[9])"]),
+        message(&["EA=1,2"], &["max(tension[1:3])"]),
+        message(&["EA=1,2"], &["max(materials.rope.tension)"]),
         message(&["EA=lin:1:2:100000", "drag=lin:1:2:100000"], &max),
     ].join("\n"), @r"
     a sweep needs something to set, as --set EA=log:1e3:1e6:20
@@ -164,8 +166,10 @@ fn plans_that_are_not_possible_are_told() {
     `EA`: `lin:0:1` is not a range: log:FROM:TO:N and lin:FROM:TO:N have N values, ends included
     `EA` = -2.0: the stiffness of spring 0 must not be negative, but is -1
     `EA` is there twice
-    `mean(tension)` is no measure; there are max(Q), min(Q) and final(Q), where Q is tension or strain (as tension[3], of one spring), x, y, z, vx, vy, vz, speed, displacement of a node (as z[3]), speed (of the fastest node), or an energy (kinetic, elastic, gravity, total, anchor_work, load_work, dashpot_heat, broken_energy, method); and steps, rejected_steps, seconds, broken_springs
-    `max(z[9])` is nothing in this scene of 3 nodes and 2 springs
+    `mean(tension)` is no measure; there are max(Q), min(Q) and final(Q), where Q is tension, strain (as tension[3], tension[3:10] or materials.NAME.tension, of some springs), x, y, z, vx, vy, vz, speed, displacement of a node (as z[3]), speed (of the fastest node), or an energy (kinetic, elastic, gravity, total, anchor_work, dashpot_heat, method, load_work, broken_energy); and steps, rejected_steps, estimated_error, seconds, broken_springs
+    `max(z[9])` is nothing in this scene, which has 3 nodes, counted from 0
+    `max(tension[1:3])` is nothing in this scene, which has 2 springs, counted from 0
+    `max(materials.rope.tension)` is nothing in this scene, which has the materials wire, rod
     1e10 runs are more than 10000000
     ");
 }
@@ -187,7 +191,8 @@ fn values_of_ranges_end_where_they_should() {
 fn measures_are_those_of_the_motion() {
     let text = r#"Scene(version: 1, gravity: (0, 0, -10),
         nodes: [(position: (0, 0, 1), mass: 2), (position: (5, 0, 0), fixed: true), (position: (8, 0, 0), fixed: true)],
-        springs: [(nodes: (1, 2), stiffness: 100, rest_length: 2)],
+        materials: {"wire": (EA: 200)},
+        springs: [(nodes: (1, 2), material: "wire", rest_length: 2)],
         simulation: (step: 0.01, method: VelocityVerlet, duration: 1))"#;
     let (scene, options, inputs) = parse_scene_with_inputs("scene.ron", text).unwrap();
     let subject = Subject {
@@ -209,6 +214,8 @@ fn measures_are_those_of_the_motion() {
         ("max(tension)", 100.0),
         ("final(tension[0])", 100.0),
         ("min(strain)", 0.5),
+        ("max(tension[0:1])", 100.0),
+        ("final(materials.wire.strain)", 0.5),
         ("steps", 100.0),
         ("rejected_steps", 0.0),
         ("broken_springs", 0.0),
@@ -221,4 +228,23 @@ fn measures_are_those_of_the_motion() {
     for ((name, expected), measured) in expected.into_iter().zip(measured) {
         assert!((measured - expected).abs() < 1e-11, "{name}: {measured}");
     }
+}
+
+/// The largest error of a run to a tolerance is near it, and there is none to be estimated
+/// with steps of one size.
+#[test]
+fn errors_are_estimated_where_steps_are_chosen_by_them() {
+    let measures = ["estimated_error".parse().unwrap()];
+    let estimated = |control: &str| {
+        let text = format!(
+            "Scene(version: 1, nodes: [(position: (0, 0, 0), fixed: true), (position: (2, 0, 0), mass: 1)],
+            springs: [(nodes: (0, 1), stiffness: 100, rest_length: 1)],
+            simulation: (method: Dop853, duration: 2, {control}))"
+        );
+        let (scene, _, _) = parse_scene_with_inputs("scene.ron", &text).unwrap();
+        measure(&Subject::of(scene), &measures, &Interrupt::default()).unwrap()[0]
+    };
+    let error = estimated("tolerance: 1e-6");
+    assert!((1e-8..=1e-6).contains(&error), "{error}");
+    assert!(estimated("step: 0.01").is_nan());
 }

@@ -7,7 +7,9 @@ mod quantized;
 
 pub use page::{ViewError, page_of, write_page};
 
-use springs_io::{ContinueError, Mark, ResumeSink, RunEnd, RunPlan, Sink, SinkKind, WriteError};
+use springs_io::{
+    ContinueError, Mark, ResumeSink, RunEnd, RunPlan, Sink, SinkKind, WriteError, Written,
+};
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -58,8 +60,8 @@ struct AtTheEnd {
 }
 
 impl Sink for AtTheEnd {
-    fn mark(&self) -> Mark {
-        Mark::of(&())
+    fn written(&mut self) -> &mut dyn Written {
+        self
     }
 
     fn finish(self: Box<Self>, end: &RunEnd<'_>) -> Result<(), WriteError> {
@@ -71,5 +73,11 @@ impl Sink for AtTheEnd {
                 source: io::Error::other(error),
             }),
         }
+    }
+}
+
+impl Written for AtTheEnd {
+    fn mark(&self) -> Mark {
+        Mark::of(&())
     }
 }

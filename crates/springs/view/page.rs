@@ -7,12 +7,12 @@ use super::quantized::base64;
 use crate::filmstrip::{axes, up_of};
 use serde::Serialize;
 use springs_io::{
-    ENERGIES, FrameSize, Npz, NpzError, SPRINGS, TRAJECTORY, Table, TableError, WriteError,
-    open_npz, read_tables, write_whole,
+    ENERGIES, ENERGY_COLUMNS, FrameEnergies, FrameSize, Npz, NpzError, SPRINGS, TRAJECTORY, Table,
+    TableError, WriteError, open_npz, read_energies, read_tables, write_whole,
 };
 use springs_scene::{Guide, Node, Scene};
 use std::fmt::Write as _;
-use std::io::{self, ErrorKind};
+use std::io;
 use std::path::{Path, PathBuf};
 
 const HTML: &str = include_str!("page/page.html");
@@ -183,50 +183,30 @@ const MOST_ENERGIES: usize = 1000;
 #[derive(Serialize)]
 struct Energies {
     times: Vec<f64>,
-    names: Vec<String>,
-    columns: Vec<Vec<f64>>,
+    names: [&'static str; ENERGY_COLUMNS.len()],
+    labels: [&'static str; ENERGY_COLUMNS.len()],
+    /// Whether they add up since the start.
+    flows: [bool; ENERGY_COLUMNS.len()],
+    columns: [Vec<f64>; ENERGY_COLUMNS.len()],
 }
 
-fn energies_of(path: &Path) -> Result<Option<Energies>, ViewError> {
-    let read = |source| ViewError::Read {
-        path: path.to_owned(),
-        source,
+fn energies_of(path: &Path) -> Result<Option<Energies>, TableError> {
+    let rows = match read_energies(path) {
+        Err(error) if error.is_missing() => return Ok(None),
+        rows => rows?,
     };
-    let text = match std::fs::read_to_string(path) {
-        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
-        text => text.map_err(read)?,
-    };
-    let wrong = || {
-        read(io::Error::new(
-            ErrorKind::InvalidData,
-            "it is no table of energies",
-        ))
-    };
-    let mut lines = text.lines();
-    let header = lines.next().ok_or_else(wrong)?.split(',').skip(1);
-    let names: Vec<String> = header.map(str::to_owned).collect();
-    let mut times = Vec::new();
-    let mut columns = vec![Vec::new(); names.len()];
-    let stride = (text.lines().count() - 1).div_ceil(MOST_ENERGIES).max(1);
-    let mut lines = lines.enumerate().peekable();
-    while let Some((row, line)) = lines.next() {
-        if row % stride != 0 && lines.peek().is_some() {
-            continue;
-        }
-        let numbers = line.split(',').map(|number| number.parse().ok());
-        let numbers: Vec<f64> = numbers.collect::<Option<_>>().ok_or_else(wrong)?;
-        if numbers.len() != names.len() + 1 || numbers.iter().any(|one| !one.is_finite()) {
-            return Err(wrong());
-        }
-        times.push(numbers[0]);
-        for (column, number) in columns.iter_mut().zip(&numbers[1..]) {
-            column.push(*number);
-        }
-    }
+    let stride = rows.len().div_ceil(MOST_ENERGIES).max(1);
+    let last = rows.len().saturating_sub(1);
+    let shown = (0..rows.len()).filter(|index| index % stride == 0 || *index == last);
+    let shown: Vec<&FrameEnergies> = shown.map(|index| &rows[index]).collect();
     Ok(Some(Energies {
-        times,
-        names,
-        columns,
+        times: shown.iter().map(|row| row.time).collect(),
+        names: ENERGY_COLUMNS.map(|column| column.column),
+        labels: ENERGY_COLUMNS.map(|column| column.label),
+        flows: ENERGY_COLUMNS.map(|column| column.is_flow),
+        columns: std::array::from_fn(|index| {
+            shown.iter().map(|row| row.numbers()[index]).collect()
+        }),
     }))
 }
 

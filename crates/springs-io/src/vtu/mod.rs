@@ -9,13 +9,13 @@ mod series;
 pub use series::remove_series;
 
 use crate::atomic::WriteError;
-use crate::growing::{ContinueError, part_name};
+use crate::growing::ContinueError;
 use crate::members::{states, strain};
 use crate::sink::{
-    FrameMembers, Mark, ResumeSink, RunEnd, RunPlan, Sink, SinkKind, TrajectoryFrame,
+    FrameMembers, Mark, ResumeSink, RunEnd, RunPlan, Sink, SinkKind, TrajectoryFrame, Written,
 };
 use nalgebra::Vector3;
-use series::{GrowingSeries, SeriesMark};
+use series::GrowingSeries;
 use springs_scene::Scene;
 use std::path::Path;
 
@@ -57,7 +57,6 @@ impl SinkKind for Vtu {
         plan: &RunPlan<'_>,
         mark: &Mark,
     ) -> Result<ResumeSink, ContinueError> {
-        let mark: SeriesMark = mark.read(LIST)?;
         let found = GrowingSeries::find(&folder.join(FOLDER), mark)?;
         let start = start_positions(plan.scene);
         Ok(Box::new(move || {
@@ -90,17 +89,8 @@ impl Sink for Grids {
         }
     }
 
-    fn n_unwritten(&self) -> usize {
-        self.series.n_unwritten()
-    }
-
-    fn keep(&mut self) -> Result<Vec<String>, WriteError> {
-        self.series.keep()?;
-        Ok(vec![part_name(FOLDER)])
-    }
-
-    fn mark(&self) -> Mark {
-        Mark::of(&self.series.mark())
+    fn written(&mut self) -> &mut dyn Written {
+        &mut self.series
     }
 
     fn finish(self: Box<Self>, _end: &RunEnd<'_>) -> Result<(), WriteError> {

@@ -1,8 +1,9 @@
 //! A folder of numbered files that grows during a run, with a list of them.
 
-use super::LIST;
+use super::{FOLDER, LIST};
 use crate::atomic::{DRAFT, Draft, WriteError, failure};
-use crate::growing::{ContinueError, as_text, part_of};
+use crate::growing::{ContinueError, as_text, part_name, part_of};
+use crate::sink::{Mark, Written};
 use serde::{Deserialize, Serialize};
 use std::fs::File;
 use std::io::{self, Read as _, Seek as _, SeekFrom, Write};
@@ -88,7 +89,8 @@ impl GrowingSeries {
     }
 
     /// Finds a kept or finished folder that begins as `mark` says. Nothing is changed.
-    pub(super) fn find(path: &Path, mark: SeriesMark) -> Result<FoundSeries, ContinueError> {
+    pub(super) fn find(path: &Path, mark: &Mark) -> Result<FoundSeries, ContinueError> {
+        let mark: SeriesMark = mark.read(LIST)?;
         let is_part = match check(&part_of(path), &mark) {
             Ok(()) => true,
             Err(unfit) => {
@@ -126,32 +128,6 @@ impl GrowingSeries {
         Ok(())
     }
 
-    pub(super) fn n_unwritten(&self) -> usize {
-        self.unwritten.iter().map(|file| file.0.len()).sum()
-    }
-
-    pub(super) fn mark(&self) -> SeriesMark {
-        SeriesMark {
-            files: self.n_files,
-            bytes: self.n_bytes,
-            sum: self.sum.clone().finalize(),
-            unwritten: self.unwritten.clone(),
-        }
-    }
-
-    /// Makes what is written outlive the program, under the name with `.part` added. An
-    /// older folder of that name is replaced.
-    pub(super) fn keep(&mut self) -> Result<(), WriteError> {
-        self.name_part()?;
-        for index in self.n_kept..self.n_files {
-            let path = self.folder.join(file_name(index));
-            let synced = File::open(&path).and_then(|file| file.sync_data());
-            synced.map_err(failure(&path))?;
-            self.n_kept = index + 1;
-        }
-        self.list.keep()
-    }
-
     fn name_part(&mut self) -> Result<(), WriteError> {
         let Some(draft) = &self.draft else {
             return Ok(());
@@ -180,6 +156,34 @@ impl GrowingSeries {
         // One that cannot be removed is right all the same.
         let _ = std::fs::remove_file(self.path.join(LIST));
         Ok(())
+    }
+}
+
+impl Written for GrowingSeries {
+    fn n_unwritten(&self) -> usize {
+        self.unwritten.iter().map(|file| file.0.len()).sum()
+    }
+
+    /// Under the name with `.part` added. An older folder of that name is replaced.
+    fn keep(&mut self) -> Result<Vec<String>, WriteError> {
+        self.name_part()?;
+        for index in self.n_kept..self.n_files {
+            let path = self.folder.join(file_name(index));
+            let synced = File::open(&path).and_then(|file| file.sync_data());
+            synced.map_err(failure(&path))?;
+            self.n_kept = index + 1;
+        }
+        self.list.keep()?;
+        Ok(vec![part_name(FOLDER)])
+    }
+
+    fn mark(&self) -> Mark {
+        Mark::of(&SeriesMark {
+            files: self.n_files,
+            bytes: self.n_bytes,
+            sum: self.sum.clone().finalize(),
+            unwritten: self.unwritten.clone(),
+        })
     }
 }
 
@@ -459,7 +463,7 @@ mod tests {
         left.sort();
         assert_eq!(left, ["00000.png", "1.vtu"]);
         // The new one was kept, and goes on.
-        let found = GrowingSeries::find(&path, mark).unwrap();
+        let found = GrowingSeries::find(&path, &mark).unwrap();
         assert!(found.is_part);
         std::fs::remove_dir_all(&path).unwrap();
         found.go_on().unwrap().finish().unwrap();
@@ -484,7 +488,7 @@ mod tests {
         drop(series);
         std::fs::remove_dir(&obstacle).unwrap();
         let mark = serde_json::from_str(&mark).unwrap();
-        let found = GrowingSeries::find(&path, mark).unwrap();
+        let found = GrowingSeries::find(&path, &mark).unwrap();
         found.go_on().unwrap().finish().unwrap();
         assert_eq!(list(&folder.path().join(LIST)).len(), 3);
         assert_eq!(std::fs::read(path.join("00002.vtu")).unwrap(), file(2.0));
@@ -500,10 +504,10 @@ mod tests {
         let mark = || series.mark();
         let first = part_of(&path).join("00000.vtu");
         std::fs::write(&first, file(1.0)).unwrap();
-        let error = GrowingSeries::find(&path, mark()).err().unwrap();
+        let error = GrowingSeries::find(&path, &mark()).err().unwrap();
         assert!(matches!(error, ContinueError::Changed { .. }), "{error}");
         std::fs::remove_file(&first).unwrap();
-        let error = GrowingSeries::find(&path, mark()).err().unwrap();
+        let error = GrowingSeries::find(&path, &mark()).err().unwrap();
         assert!(matches!(error, ContinueError::Missing { .. }), "{error}");
     }
 }

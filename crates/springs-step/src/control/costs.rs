@@ -26,8 +26,27 @@ pub struct CostModel {
     pub(super) is_system_known: bool,
 }
 
-/// Iterations of a solution, where it takes any.
+/// Iterations of a solution, where it takes any: as `Auto` reckons with them.
 const USUAL_ITERATIONS: f64 = 20.0;
+/// The same in steps that resolve what moves.
+const FORECAST_ITERATIONS: f64 = 5.0;
+/// Steps whose corrections one factor serves: up to so many radians of the fastest vibration.
+const MOST_RESOLVED: f64 = 10.0;
+/// What an operation of price 1 takes, in ns, in steps of scenes like those of
+/// `cargo bench --bench prices`, in processor time.
+const NANOSECONDS: f64 = 0.7;
+
+/// How large the steps are whose price is asked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum StepSizes {
+    /// They are chosen by the error: the method makes an estimate of it, too.
+    ByError,
+    /// They are equal.
+    Equal {
+        /// The step size times the angular frequency of the fastest vibration.
+        angle: f64,
+    },
+}
 
 impl CostModel {
     /// Of a system; what its matrices cost is known in full.
@@ -53,26 +72,32 @@ impl CostModel {
         Self::without_fill(system)
     }
 
-    /// What a usual step costs, in ns; with error control, if it `estimates` its error, as an attempt
-    /// does. `None` for `Auto`, which is no method.
-    pub fn of_step(&self, method: Method, estimates: bool) -> Option<f64> {
+    /// What a usual step takes, in ns, roughly. `None` for `Auto`, which is no method.
+    pub fn of_step(&self, method: Method, sizes: StepSizes) -> Option<f64> {
         let row = properties(method)?;
-        let times = if estimates && row.tolerance == ToleranceKind::Doubling {
-            3.0
-        } else {
-            1.0
+        let is_doubled = row.tolerance == ToleranceKind::Doubling;
+        let (times, is_resolved) = match sizes {
+            StepSizes::ByError => (if is_doubled { 3.0 } else { 1.0 }, true),
+            StepSizes::Equal { angle } => (1.0, angle <= MOST_RESOLVED),
         };
         let UsualStep {
             evaluations,
             linearizations,
             solves,
         } = row.usual_step;
+        // A factor serves all corrections of a step, as long as they get smaller fast.
+        let has_factor = self.system.iteration == 0.0;
+        let matrices = if has_factor && is_resolved {
+            linearizations.min(1.0)
+        } else {
+            linearizations
+        };
         let of_matrix = self.linearization + self.system.matrix;
-        let of_solve = self.system.solution + USUAL_ITERATIONS * self.system.iteration;
-        let work = evaluations * self.evaluation(row.node_cost)
-            + linearizations * of_matrix
+        let of_solve = self.system.solution + FORECAST_ITERATIONS * self.system.iteration;
+        let work = (evaluations + linearizations - matrices) * self.evaluation(row.node_cost)
+            + matrices * of_matrix
             + solves * of_solve;
-        Some(times * work + self.attempt())
+        Some(NANOSECONDS * (times * work + self.attempt()))
     }
 
     /// As little as it can be, until the system is [learnt](Self::learn_system).

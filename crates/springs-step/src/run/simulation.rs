@@ -66,6 +66,8 @@ pub struct Simulation {
     /// What the method estimated of that step: the rate at which it adds to the error of
     /// positions, in m/s.
     last_rate: Option<f64>,
+    /// Of the steps so far, by their estimates, in m.
+    estimated_error: Option<f64>,
     /// Whether the observer has been told of that step's end.
     is_told: bool,
     before: NodeStates,
@@ -250,6 +252,7 @@ impl Simulation {
             most_energy: 0.0,
             last: None,
             last_rate: None,
+            estimated_error: None,
             is_told: true,
             before: nodes.clone(),
             nodes,
@@ -344,6 +347,12 @@ impl Simulation {
         let (choice, counts) = (&self.choice, self.work.counts);
         let step = (interval.end, interval.size);
         Some(StepRecord::of(step, self.last_rate, choice, counts))
+    }
+
+    /// The error of positions now, in m: what the steps added to it by the estimates of the
+    /// method. `None` where it makes none, as with steps of one size.
+    pub fn estimated_error(&self) -> Option<f64> {
+        self.estimated_error
     }
 
     /// Energy at the start and its flows so far.

@@ -297,14 +297,9 @@ class View {
     const { energies } = this.run;
     if (!energies || energies.times.length < 2) return;
     element(at("energy"), "h2", {}, "Energy");
-    const line = (name) => ({ name: name.replace("_", " "), values: energies.columns[energies.names.indexOf(name)] });
-    const isFlow = (name) => ["work", "heat", "gain"].some((word) => name.endsWith(word));
-    const groups = [
-      ["energy", energies.names.filter((name) => !isFlow(name))],
-      ["where energy came from and went", energies.names.filter(isFlow)],
-    ];
-    for (const [title, names] of groups) {
-      const moved = names.map(line).filter(({ values }) => values.some((value) => value !== 0));
+    const curves = energies.labels.map((name, k) => ({ name, isFlow: energies.flows[k], values: energies.columns[k] }));
+    for (const [title, isFlow] of [["energy", false], ["since the start", true]]) {
+      const moved = curves.filter((curve) => curve.isFlow === isFlow && curve.values.some((value) => value !== 0));
       if (moved.length > 0) {
         this.energyPlots.push(plot(at("energy"), title, "J", energies.times, moved, (time) => this.seek(time)));
       }

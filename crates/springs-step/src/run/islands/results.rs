@@ -87,8 +87,29 @@ impl Islands {
         breaks
     }
 
+    /// The error of positions now, in m, by the estimates of the methods: that of the worst
+    /// part. `None` where a part that has moved has none.
+    pub fn estimated_error(&self) -> Option<f64> {
+        let simulations = self.parts.iter().map(|part| &part.simulation);
+        let moved = simulations.filter(|simulation| simulation.stepper().steps() > 0);
+        let errors: Option<Vec<f64>> = moved.map(|one| one.estimated_error()).collect();
+        errors?.into_iter().reduce(f64::max)
+    }
+
+    /// Makes of the scene of the run one that continues from here: where nodes are now, what
+    /// is broken or has yielded, loads and motions from now on.
+    ///
+    /// # Panics
+    ///
+    /// If the scene has fewer nodes or springs.
+    pub fn write_to(&self, scene: &mut Scene) {
+        scene.shift_time(self.time());
+        self.nodes().write_to(scene);
+        self.write_memory_to(scene);
+    }
+
     /// Writes into the springs of a scene, which is that of the run, what is broken or has
-    /// yielded, so that it continues from here.
+    /// yielded.
     ///
     /// # Panics
     ///

@@ -82,7 +82,9 @@ impl Simulation {
                 archive.real(real);
             }
         });
-        archive.option(&mut self.last_rate, |rate, archive| archive.real(rate));
+        for option in [&mut self.last_rate, &mut self.estimated_error] {
+            archive.option(option, |number, archive| archive.real(number));
+        }
         archive.flag(&mut self.is_told);
         archive.option(&mut self.shown, |shown, archive| shown.archive(archive));
         self.archive_switches(archive);

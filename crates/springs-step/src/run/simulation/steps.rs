@@ -49,6 +49,9 @@ impl Simulation {
         let (interval, rate) = made?;
         self.last = Some(interval);
         self.last_rate = rate;
+        if let Some(rate) = rate {
+            *self.estimated_error.get_or_insert(0.0) += rate * interval.size;
+        }
         self.is_told = false;
         self.is_end_open = self.system().has_memory();
         Ok(interval)
