@@ -195,9 +195,18 @@ impl<const D: usize> View<'_, D> {
     fn run(&mut self, direction: Direction, fronts: impl DoubleEndedIterator<Item = usize>) {
         pulp::Arch::new().dispatch(
             #[inline(always)]
+            // Loops, and not `for_each`, which would not be compiled for these vectors.
             || match direction {
-                Direction::Forward => fronts.for_each(|front| self.forward(front)),
-                Direction::Backward => fronts.rev().for_each(|front| self.backward(front)),
+                Direction::Forward => {
+                    for front in fronts {
+                        self.forward(front);
+                    }
+                }
+                Direction::Backward => {
+                    for front in fronts.rev() {
+                        self.backward(front);
+                    }
+                }
             },
         );
     }
