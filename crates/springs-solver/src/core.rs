@@ -2,10 +2,10 @@
 
 use crate::direct::Direct;
 use crate::iterative::{
-    ConjugateGradients, Ending, MakeCoarse, Multilevel, Pattern, Place, Rows, Until,
+    ConjugateGradients, Ending, MakeCoarse, Multilevel, Pattern, Place, Rows, Until, translations,
 };
 use crate::strategy::{Chooser, USUAL_ITERATIONS};
-use crate::{Counts, Interrupt, Options, Price, SolveError, StrategyState};
+use crate::{Counts, Interrupt, NearNullSpace, Options, Price, SolveError, StrategyState};
 
 /// A solver for one dimension of blocks, of matrices with 3 × 3 blocks; off the
 /// diagonal they have N numbers.
@@ -49,7 +49,11 @@ struct Iterative<const D: usize, const P: usize, const Q: usize> {
     matrix: Rows<P, Q>,
     gradients: ConjugateGradients<D>,
     solution: Vec<[f64; D]>,
-    multilevel: Multilevel<D, P, Q>,
+    /// With translations of aggregates, and with all that the options ask for if that is
+    /// more.
+    multilevels: Vec<Multilevel<D, P, Q>>,
+    /// The one that the present matrix has.
+    used: usize,
     places: Vec<Place>,
 }
 
@@ -164,8 +168,8 @@ impl<const D: usize, const P: usize, const Q: usize> Core<D, P, Q> {
         self.is_iterative = self.chooser.next();
         match &mut self.iterative {
             Some(iterative) if self.is_iterative => {
-                iterative.matrix.set(diagonal, off_diagonal);
-                iterative.multilevel.set(&iterative.matrix)
+                let has_rotations = self.chooser.strategy_state.has_rotations;
+                iterative.set(diagonal, off_diagonal, has_rotations)
             }
             _ => {
                 self.counts.factorizations += 1;
@@ -220,9 +224,11 @@ impl<const D: usize, const P: usize, const Q: usize> Core<D, P, Q> {
             matrix,
             gradients,
             solution,
-            multilevel,
+            multilevels,
+            used,
             ..
         } = self.iterative.as_mut().expect("made with the strategy");
+        let multilevel = &mut multilevels[*used];
         let before = gradients.iterations;
         gradients.residual.copy_from_slice(b);
         let until = Until {
@@ -259,11 +265,16 @@ impl<const D: usize, const P: usize, const Q: usize> Iterative<D, P, Q> {
             options,
             usual_iterations: USUAL_ITERATIONS,
         };
+        let mut multilevels = vec![Multilevel::new(&pattern, make_coarse)?];
+        if D > 1 && options.near_null_space != NearNullSpace::Translations {
+            multilevels.insert(0, Multilevel::new(&pattern, translations)?);
+        }
         Ok(Self {
             matrix: Rows::new(n_blocks, pairs),
             gradients: ConjugateGradients::new(n_blocks),
             solution: vec![[0.0; D]; n_blocks],
-            multilevel: Multilevel::new(&pattern, make_coarse)?,
+            multilevels,
+            used: 0,
             places: Vec::with_capacity(n_blocks),
         })
     }
@@ -271,7 +282,25 @@ impl<const D: usize, const P: usize, const Q: usize> Iterative<D, P, Q> {
     fn set_positions(&mut self, positions: impl Iterator<Item = [f64; 3]>) {
         self.places.clear();
         self.places.extend(positions.map(Place::node));
-        self.multilevel.set_places(&self.places);
+    }
+
+    fn set(
+        &mut self,
+        diagonal: &[[f64; P]],
+        off_diagonal: &[[f64; Q]],
+        has_rotations: bool,
+    ) -> Result<(), SolveError> {
+        self.matrix.set(diagonal, off_diagonal);
+        self.used = if has_rotations {
+            self.multilevels.len() - 1
+        } else {
+            0
+        };
+        let multilevel = &mut self.multilevels[self.used];
+        if has_rotations && !self.places.is_empty() {
+            multilevel.set_places(&self.places);
+        }
+        multilevel.set(&self.matrix)
     }
 
     /// In bytes; `None` if it cannot be counted.
@@ -280,7 +309,9 @@ impl<const D: usize, const P: usize, const Q: usize> Iterative<D, P, Q> {
         let rows = Rows::<P, Q>::memory(n_blocks, self.matrix.n_pairs());
         let vectors = ConjugateGradients::<D>::memory(n_blocks)
             + ((8 * D + size_of::<Place>()) * n_blocks) as u64;
-        Some(rows + vectors + self.multilevel.memory()?)
+        let preconditioners = self.multilevels.iter().map(Multilevel::memory);
+        let preconditioners: Option<u64> = preconditioners.sum();
+        Some(rows + vectors + preconditioners?)
     }
 }
 

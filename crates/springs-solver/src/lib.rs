@@ -124,6 +124,8 @@ pub struct StrategyState {
     pub pause: u32,
     /// How long the next such pause will be.
     pub next_pause: u32,
+    /// Whether iterations treat rotations of parts, too, where positions are known.
+    pub has_rotations: bool,
 }
 
 /// How much a factorization is.

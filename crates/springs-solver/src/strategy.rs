@@ -17,6 +17,9 @@ pub enum Strategy {
     Auto,
 }
 
+/// A factor of so many entries is in no cache.
+const FAR_ENTRIES: f64 = 4e6;
+
 /// What something costs, in ns, roughly; only ratios matter.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Price {
@@ -32,9 +35,11 @@ impl Price {
     /// With a factor of so many entries, which takes so many multiplications and
     /// additions.
     pub fn with_factor(entries: f64, flops: f64) -> Self {
+        // Twice as long for each entry where they come from memory.
+        let far = (entries / FAR_ENTRIES).min(1.0);
         Self {
             matrix: 300.0 + 4.5 * entries + flops / 50.0,
-            solution: 100.0 + 1.2 * entries,
+            solution: 100.0 + (0.5 + 0.7 * far) * entries,
             iteration: 0.0,
         }
     }
@@ -72,6 +77,13 @@ const PREPARATION: f64 = 4.0;
 const PATIENCE: f64 = 1.5;
 /// If iteration was asked for, it is given up late.
 const MOST_ITERATIONS: f64 = 1e4;
+/// Rotations of aggregates halve iterations, but their matrix is made and factorized in the
+/// time of several. So they are left out where a matrix took no more iterations with them
+/// than this, and treated again where it took more without them than that.
+const FEW_WITH_ROTATIONS: f64 = 8.0;
+const MANY_WITHOUT: f64 = 18.0;
+/// Iterations with rotations for one without.
+const GAIN: f64 = 0.6;
 const FIRST_PAUSE: u32 = 16;
 const LONGEST_PAUSE: u32 = 1024;
 
@@ -94,6 +106,7 @@ impl Chooser {
             uses: 1.0,
             strategy_state: StrategyState {
                 next_pause: FIRST_PAUSE,
+                has_rotations: true,
                 ..StrategyState::default()
             },
         };
@@ -138,8 +151,19 @@ impl Chooser {
     /// Whether the next matrix is solved by iteration.
     pub(crate) fn next(&mut self) -> bool {
         let last = self.strategy_state;
-        let is_dear = !self.is_cheap(last.iterations, last.solutions);
+        let has_rotations = match (last.is_iterative, last.has_rotations) {
+            (false, _) => last.has_rotations,
+            (true, true) => last.iterations > FEW_WITH_ROTATIONS,
+            (true, false) => last.iterations > MANY_WITHOUT,
+        };
+        let expected = if has_rotations && !last.has_rotations {
+            GAIN * last.iterations
+        } else {
+            last.iterations
+        };
+        let is_dear = !self.is_cheap(expected, last.solutions);
         let now = &mut self.strategy_state;
+        now.has_rotations = has_rotations;
         if last.is_iterative && self.asked == Strategy::Auto {
             now.next_pause = FIRST_PAUSE;
             if is_dear {

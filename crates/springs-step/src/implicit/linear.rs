@@ -145,6 +145,7 @@ impl LinearSystem {
             archive.flag(&mut strategy_state.is_iterative);
             archive.count(&mut strategy_state.pause);
             archive.count(&mut strategy_state.next_pause);
+            archive.flag(&mut strategy_state.has_rotations);
         }
         let constant = self.weights.or(self.counted).filter(|_| self.is_constant);
         let mut counted =
