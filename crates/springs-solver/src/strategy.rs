@@ -151,7 +151,9 @@ impl Chooser {
     /// Whether the next matrix is solved by iteration.
     pub(crate) fn next(&mut self) -> bool {
         let last = self.strategy_state;
-        let has_rotations = match (last.is_iterative, last.has_rotations) {
+        // A matrix that was refused says nothing.
+        let is_known = last.is_iterative && last.solutions > 0;
+        let has_rotations = match (is_known, last.has_rotations) {
             (false, _) => last.has_rotations,
             (true, true) => last.iterations > FEW_WITH_ROTATIONS,
             (true, false) => last.iterations > MANY_WITHOUT,

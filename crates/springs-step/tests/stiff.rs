@@ -98,12 +98,13 @@ fn newton_iterations(scene: &Scene, h: f64) -> f64 {
     counts.newton_iterations as f64 / counts.steps as f64
 }
 
+/// Those with old matrices, of which some are made to save a factor, are among them.
 #[test]
 fn newton_needs_few_iterations() {
     let chain = newton_iterations(&chain_of_20(1e8), 0.1);
     let cloth = newton_iterations(&cloth_8(1e8), 0.02);
     assert!(chain <= 7.0, "{chain}");
-    assert!(cloth <= 9.0, "{cloth}");
+    assert!(cloth <= 10.0, "{cloth}");
 }
 
 #[test]
