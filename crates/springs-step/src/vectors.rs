@@ -149,13 +149,13 @@ impl<F: Fn(f64, f64) -> f64> WithSimd for LargestTerm<'_, F> {
                 *largest = larger(*largest, term);
             }
             for (odd, term) in odd.iter_mut().zip(&terms) {
-                *odd += term - term;
+                *odd += 0.0 * term;
             }
         }
         for (c, (&a, &b)) in a_rest.iter().zip(b_rest).enumerate() {
             let term = (self.term)(a, b);
             largest[c] = larger(largest[c], term);
-            odd[c] += term - term;
+            odd[c] += 0.0 * term;
         }
         let is_finite = odd.iter().sum::<f64>() == 0.0;
         is_finite.then(|| largest.into_iter().fold(0.0, larger))
