@@ -44,6 +44,15 @@ impl Price {
         }
     }
 
+    /// With a factor without fill, of so many entries: block by block, each waits for the
+    /// one before.
+    fn of_tree(entries: f64, flops: f64) -> Self {
+        Self {
+            solution: 100.0 + 1.9 * entries,
+            ..Self::with_factor(entries, flops)
+        }
+    }
+
     /// Of an iteration with a matrix of such a pattern, P numbers a diagonal block
     /// and Q an off-diagonal one.
     pub(crate) fn of_iteration<const P: usize, const Q: usize>(
@@ -101,7 +110,11 @@ impl Chooser {
             } else {
                 asked
             },
-            factor_price: Price::with_factor(size.entries, size.flops),
+            factor_price: if direct.is_tree() {
+                Price::of_tree(size.entries, size.flops)
+            } else {
+                Price::with_factor(size.entries, size.flops)
+            },
             iteration,
             uses: 1.0,
             strategy_state: StrategyState {

@@ -108,7 +108,7 @@ impl CostModel {
         let entries = 6.0 * nodes + 9.0 * pairs;
         Self {
             n_nodes: nodes,
-            force: 75.0 + 4.2 * springs + 2.0 * nodes,
+            force: 60.0 + 2.9 * springs + 1.4 * nodes,
             linearization: 100.0 + 15.0 * springs + 10.0 * nodes,
             analysis: 5e3 + 500.0 * nodes + 150.0 * pairs,
             system: Price::with_factor(entries, 0.0),
