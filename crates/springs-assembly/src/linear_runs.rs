@@ -101,7 +101,7 @@ impl LinearRuns {
     /// Hands over where the first and the second ends of all lanes are among the
     /// coordinates of the blocks, and the laws.
     #[inline(always)]
-    fn each_lanes(&self, runs: &[Run], mut visit: impl FnMut([usize; 2], (&Lanes, &Lanes))) {
+    fn each_lanes(&self, runs: &[Run], mut visit: impl FnMut([usize; 2], Laws<'_>)) {
         for (run, slots) in slots(runs) {
             let (stiffnesses, _) = self.stiffnesses[slots.clone()].as_chunks();
             let (rest_lengths, _) = self.rest_lengths[slots].as_chunks();
@@ -189,6 +189,8 @@ impl WithSimd for AddProducts<'_> {
 type Ends = [f64; 3 * LANES];
 /// A number of each spring.
 type Lanes = [f64; LANES];
+/// Stiffnesses and rest lengths.
+type Laws<'a> = (&'a Lanes, &'a Lanes);
 
 #[inline(always)]
 fn lanes_at(vectors: &[f64], at: usize) -> &Ends {
@@ -231,21 +233,12 @@ fn dots(a: &Ends, b: &Ends) -> Lanes {
 
 /// Forces on the first ends.
 #[inline(always)]
-fn forces_of<S: Simd>(
-    simd: S,
-    [start, end]: [&Ends; 2],
-    (stiffnesses, rest_lengths): (&Lanes, &Lanes),
-) -> Ends {
-    let mut forces = differences([start, end]);
+fn forces_of<S: Simd>(simd: S, x: [&Ends; 2], laws: Laws<'_>) -> Ends {
+    let mut forces = differences(x);
     let squares = dots(&forces, &forces);
     let mut per_lengths = [0.0; LANES];
-    if !divide(
-        simd,
-        &squares,
-        (stiffnesses, rest_lengths),
-        &mut per_lengths,
-    ) {
-        return forces_one_by_one([start, end], (stiffnesses, rest_lengths));
+    if !divide(simd, &squares, laws, &mut per_lengths) {
+        return forces_one_by_one(x, laws);
     }
     for c in 0..LANES {
         forces[3 * c] *= per_lengths[c];
@@ -261,7 +254,7 @@ fn forces_of<S: Simd>(
 fn divide<S: Simd>(
     simd: S,
     squares: &Lanes,
-    (stiffnesses, rest_lengths): (&Lanes, &Lanes),
+    (stiffnesses, rest_lengths): Laws<'_>,
     per_lengths: &mut Lanes,
 ) -> bool {
     let one = simd.splat_f64s(1.0);
@@ -285,49 +278,49 @@ fn divide<S: Simd>(
         && simd.reduce_sum_f64s(odd) == 0.0
 }
 
-/// The same where one of the springs is very short or long, or broken off the numbers.
+/// Hands over the place and the law of every spring; slots without one have no stiffness.
+fn each_spring((stiffnesses, rest_lengths): Laws<'_>, mut visit: impl FnMut(usize, Spring)) {
+    let laws = stiffnesses.iter().zip(rest_lengths);
+    for (place, (&stiffness, &rest_length)) in laws.enumerate() {
+        if stiffness != 0.0 {
+            let law = Spring {
+                stiffness,
+                rest_length,
+            };
+            visit(place, law);
+        }
+    }
+}
+
+fn vector_at(vectors: &Ends, place: usize) -> Vector3<f64> {
+    Vector3::from_column_slice(&vectors[3 * place..3 * place + 3])
+}
+
+fn set_vector_at(vectors: &mut Ends, place: usize, vector: &Vector3<f64>) {
+    vectors[3 * place..3 * place + 3].copy_from_slice(vector.as_slice());
+}
+
+/// The same where one of the springs is very short or long, or something is not a finite
+/// number.
 #[cold]
 #[inline(never)]
-fn forces_one_by_one(
-    [start, end]: [&Ends; 2],
-    (stiffnesses, rest_lengths): (&Lanes, &Lanes),
-) -> Ends {
+fn forces_one_by_one(x: [&Ends; 2], laws: Laws<'_>) -> Ends {
     let mut forces = [0.0; 3 * LANES];
-    let ends = start.chunks_exact(3).zip(end.chunks_exact(3));
-    let laws = stiffnesses.iter().zip(rest_lengths);
-    for ((force, (start, end)), (&stiffness, &rest_length)) in
-        forces.chunks_exact_mut(3).zip(ends).zip(laws)
-    {
-        if stiffness == 0.0 {
-            // Most likely a slot without a spring.
-            continue;
-        }
-        let law = Spring {
-            stiffness,
-            rest_length,
-        };
-        let ends = [start, end].map(Vector3::from_column_slice);
-        force.copy_from_slice(spring::force(law, &ends[0], &ends[1]).as_slice());
-    }
+    each_spring(laws, |place, law| {
+        let [start, end] = x.map(|x| vector_at(x, place));
+        set_vector_at(&mut forces, place, &spring::force(law, &start, &end));
+    });
     forces
 }
 
 #[inline(always)]
-fn energies_of<S: Simd>(
-    simd: S,
-    x: [&Ends; 2],
-    (stiffnesses, rest_lengths): (&Lanes, &Lanes),
-) -> Lanes {
+fn energies_of<S: Simd>(simd: S, x: [&Ends; 2], laws: Laws<'_>) -> Lanes {
     let dx = differences(x);
     let squares = dots(&dx, &dx);
     let mut per_lengths = [0.0; LANES];
     let mut energies = [0.0; LANES];
-    if divide(
-        simd,
-        &squares,
-        (stiffnesses, rest_lengths),
-        &mut per_lengths,
-    ) {
+    if divide(simd, &squares, laws, &mut per_lengths) {
+        let (stiffnesses, rest_lengths) = laws;
         let lengths = squares.map(f64::sqrt);
         for c in 0..LANES {
             let stretch = lengths[c] - rest_lengths[c];
@@ -335,19 +328,9 @@ fn energies_of<S: Simd>(
         }
         return energies;
     }
-    let laws = stiffnesses.iter().zip(rest_lengths);
-    for ((energy, dx), (&stiffness, &rest_length)) in
-        energies.iter_mut().zip(dx.chunks_exact(3)).zip(laws)
-    {
-        if stiffness != 0.0 {
-            let law = Spring {
-                stiffness,
-                rest_length,
-            };
-            let length = Separation::of(&Vector3::from_column_slice(dx)).length;
-            *energy = law.energy(length);
-        }
-    }
+    each_spring(laws, |place, law| {
+        energies[place] = law.energy(Separation::of(&vector_at(&dx, place)).length);
+    });
     energies
 }
 
@@ -356,7 +339,7 @@ fn energies_of<S: Simd>(
 fn products_of<S: Simd>(
     simd: S,
     x: [&Ends; 2],
-    (stiffnesses, rest_lengths): (&Lanes, &Lanes),
+    laws: Laws<'_>,
     projection: Projection,
     [first, second]: [&Ends; 2],
 ) -> Ends {
@@ -365,14 +348,10 @@ fn products_of<S: Simd>(
     let dy = differences([second, first]);
     let squares = dots(&dx, &dx);
     let mut per_lengths = [0.0; LANES];
-    if !divide(
-        simd,
-        &squares,
-        (stiffnesses, rest_lengths),
-        &mut per_lengths,
-    ) {
-        return products_one_by_one(x, (stiffnesses, rest_lengths), projection, &dy);
+    if !divide(simd, &squares, laws, &mut per_lengths) {
+        return products_one_by_one(x, laws, projection, &dy);
     }
+    let (stiffnesses, _) = laws;
     let across = per_lengths.map(|per_length| projection.apply(per_length));
     let mut along = dots(&dx, &dy);
     for c in 0..LANES {
@@ -389,30 +368,15 @@ fn products_of<S: Simd>(
 
 #[cold]
 #[inline(never)]
-fn products_one_by_one(
-    x: [&Ends; 2],
-    (stiffnesses, rest_lengths): (&Lanes, &Lanes),
-    projection: Projection,
-    dy: &Ends,
-) -> Ends {
+fn products_one_by_one(x: [&Ends; 2], laws: Laws<'_>, projection: Projection, dy: &Ends) -> Ends {
     let dx = differences(x);
     let mut products = [0.0; 3 * LANES];
-    let laws = stiffnesses.iter().zip(rest_lengths);
-    let vectors = dx.chunks_exact(3).zip(dy.chunks_exact(3));
-    for ((product, (dx, dy)), (&stiffness, &rest_length)) in
-        products.chunks_exact_mut(3).zip(vectors).zip(laws)
-    {
-        if stiffness == 0.0 {
-            continue;
-        }
-        let law = Spring {
-            stiffness,
-            rest_length,
-        };
-        let [dx, dy] = [dx, dy].map(Vector3::from_column_slice);
+    each_spring(laws, |place, law| {
+        let dx = vector_at(&dx, place);
         let (_, block) = spring::linearize(law, None, &dx, |across| projection.apply(across));
-        product.copy_from_slice(times(&block, &dy).as_slice());
-    }
+        let product = times(&block, &vector_at(dy, place));
+        set_vector_at(&mut products, place, &product);
+    });
     products
 }
 
