@@ -11,6 +11,7 @@ use crate::{
 use nalgebra::Vector3;
 use springs_math::Separation;
 use springs_math::spring::{self, LengthLaw, Spring};
+use std::ops::Range;
 
 /// The packed identity.
 const IDENTITY: [f64; 6] = [1.0, 0.0, 0.0, 1.0, 0.0, 1.0];
@@ -84,6 +85,17 @@ impl<L: LengthLaw + Clone> Springs<L> {
             index,
             ..Self::new(name, springs)
         }
+    }
+
+    /// What is worked off along runs, if that may be, and the other springs with a free end.
+    fn work_off(&self, along_runs: bool) -> (Option<&LinearRuns>, Range<usize>) {
+        let numbers = self.linear_runs.as_ref().filter(|_| along_runs);
+        let one_by_one = if numbers.is_some() {
+            self.connections.outside_runs()
+        } else {
+            self.connections.live()
+        };
+        (numbers, one_by_one)
     }
 
     /// The tension that a method carried, or that at `x`, in N.
@@ -329,24 +341,17 @@ impl<L: LengthLaw + Clone + Send + Sync> Emitter for Springs<L> {
 
     fn energy_on_free_blocks(&self, x: &[Vector3<f64>]) -> f64 {
         let runs = self.connections.runs();
-        let (along_runs, one_by_one) = match &self.linear_runs {
-            Some(numbers) => (numbers.energy(runs, x), self.connections.outside_runs()),
-            None => (0.0, self.connections.live()),
-        };
-        along_runs
-            + one_by_one
-                .map(|index| self.energy_of(index, x))
-                .sum::<f64>()
+        let (along_runs, one_by_one) = self.work_off(true);
+        let along_runs = along_runs.map_or(0.0, |numbers| numbers.energy(runs, x));
+        let one_by_one = one_by_one.map(|index| self.energy_of(index, x));
+        along_runs + one_by_one.sum::<f64>()
     }
 
     fn add_forces(&self, x: &[Vector3<f64>], forces: &mut [Vector3<f64>]) {
-        let one_by_one = match &self.linear_runs {
-            Some(numbers) => {
-                numbers.add_forces(self.connections.runs(), x, forces);
-                self.connections.outside_runs()
-            }
-            None => self.connections.live(),
-        };
+        let (along_runs, one_by_one) = self.work_off(true);
+        if let Some(numbers) = along_runs {
+            numbers.add_forces(self.connections.runs(), x, forces);
+        }
         for index in one_by_one {
             self.connections
                 .add_force(index, self.force(index, x), forces);
@@ -384,15 +389,11 @@ impl<L: LengthLaw + Clone + Send + Sync> Emitter for Springs<L> {
 
     fn add_products(&self, at: &Evaluation<'_>, y: &[Vector3<f64>], products: &mut [Vector3<f64>]) {
         let is_plain = at.carried.is_none() && at.projected.is_none();
-        let one_by_one = match &self.linear_runs {
-            Some(numbers) if is_plain => {
-                let factors = (at.projection, at.weights.stiffness);
-                let runs = self.connections.runs();
-                numbers.add_products(runs, at.x, factors, y, products);
-                self.connections.outside_runs()
-            }
-            _ => self.connections.live(),
-        };
+        let (along_runs, one_by_one) = self.work_off(is_plain);
+        if let Some(numbers) = along_runs {
+            let factors = (at.projection, at.weights.stiffness);
+            numbers.add_products(self.connections.runs(), at.x, factors, y, products);
+        }
         for index in one_by_one {
             let block = self.block(index, at);
             self.connections

@@ -116,8 +116,12 @@ impl State {
     /// The kinetic energy of the free blocks, in J, if that and the squares of all
     /// positions and velocities are finite numbers; in one pass.
     pub(crate) fn finite_kinetic_energy(&self, masses: &[f64]) -> Option<f64> {
-        let squares = sum_in_turn(&self.x, &self.x, |x, _| x.component_mul(x));
-        let twice = sum_in_turn(masses, &self.v, |&mass, v| v.component_mul(v) * mass);
+        let add_square = |sum: Vector3<f64>, x: &Vector3<f64>| sum + x.component_mul(x);
+        let squares = self.x.iter().fold(Vector3::zeros(), add_square);
+        let moving = masses.iter().zip(&self.v);
+        let twice = moving.fold(Vector3::zeros(), |sum: Vector3<f64>, (&mass, v)| {
+            sum + v.component_mul(v) * mass
+        });
         let kinetic = 0.5 * twice.sum();
         (squares.sum().is_finite() && kinetic.is_finite()).then_some(kinetic)
     }
@@ -130,18 +134,6 @@ impl State {
         };
         (0..self.x.len()).find(is_wrong)
     }
-}
-
-/// The sum, made of four that take terms in turn: none waits for the one before.
-fn sum_in_turn<A, B>(a: &[A], b: &[B], term: impl Fn(&A, &B) -> Vector3<f64>) -> Vector3<f64> {
-    let (a, b) = (a.chunks(4), b.chunks(4));
-    let mut sums = [Vector3::zeros(); 4];
-    for (a, b) in a.zip(b) {
-        for (sum, (a, b)) in sums.iter_mut().zip(a.iter().zip(b)) {
-            *sum += term(a, b);
-        }
-    }
-    sums.iter().sum()
 }
 
 /// Whether the square of a vector is a finite number.

@@ -6,7 +6,7 @@ use springs_assembly::System;
 
 /// Numbers that are worked off at once: of four blocks. Loops over them do one simple
 /// thing each, which compilers turn into a few instructions.
-const WIDTH: usize = 12;
+pub(crate) const WIDTH: usize = 12;
 
 /// Vectors as plain numbers.
 fn numbers_of(vectors: &[Vector3<f64>]) -> &[f64] {
@@ -34,7 +34,7 @@ pub(crate) fn largest(vectors: &[Vector3<f64>]) -> (usize, f64) {
 pub(crate) fn largest_sum(a: &[Vector3<f64>], factor: f64, b: &[Vector3<f64>]) -> (usize, f64) {
     let (a, b) = (numbers_of(a), numbers_of(b));
     let sum = |a: f64, b: f64| a.abs() + factor * b.abs();
-    let magnitude = largest_term(a, b, |a, b| a.abs() + factor * b.abs());
+    let magnitude = largest_term(a, b, sum);
     find_largest(a.len(), magnitude, |c| sum(a[c], b[c]))
 }
 

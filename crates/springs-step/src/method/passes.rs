@@ -1,13 +1,11 @@
 //! Passes of explicit methods over all free blocks.
 
-use crate::vectors::numbers_mut;
+use crate::vectors::{WIDTH, numbers_mut};
 use nalgebra::Vector3;
 use pulp::{Arch, Simd, WithSimd};
 
 /// Blocks that are worked off at once.
-const LANES: usize = 4;
-/// Their coordinates.
-const WIDTH: usize = 3 * LANES;
+const LANES: usize = WIDTH / 3;
 
 /// Adds a·`kick` to the velocities, and then v·`drift` to the positions.
 pub(super) fn kick_and_drift(
