@@ -34,6 +34,7 @@ mod queue;
 
 use self::pools::Loan;
 use self::queue::Queue;
+use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use std::sync::Mutex;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
@@ -85,6 +86,23 @@ pub fn largest_first<T>(items: impl Iterator<Item = T>, size: impl Fn(&T) -> f64
     let mut items: Vec<T> = items.collect();
     items.sort_by(|a, b| size(b).total_cmp(&size(a)));
     items
+}
+
+/// The threads that [`share_out`] finds where it is called: those of the pool, or one.
+pub fn threads_here() -> usize {
+    rayon::current_thread_index().map_or(1, |_| rayon::current_num_threads())
+}
+
+/// Does `work` on every item, on the threads of the pool that this is called in (see
+/// [`with_threads`]), or one after the other; results are in the order of the items.
+///
+/// For many short items of about the same size, again and again: neighbours go to the same
+/// thread, and nothing is queued.
+pub fn share_out<T: Send, R: Send>(items: Vec<T>, work: impl Fn(T) -> R + Sync + Send) -> Vec<R> {
+    if threads_here() <= 1 || items.len() <= 1 {
+        return items.into_iter().map(work).collect();
+    }
+    items.into_par_iter().map(work).collect()
 }
 
 /// Does `work` on every item, on `threads` threads at most; results are in the order of
@@ -160,6 +178,25 @@ mod tests {
             assert_eq!(with_threads_watched(threads, squares, &mut || ()), expected);
         }
         assert_eq!(in_parallel_with(vec![], &mut [(); 0], |(), ()| 1), []);
+    }
+
+    #[test]
+    fn short_items_are_shared_out_among_the_threads_of_the_pool() {
+        let squares = || share_out((0..1000).collect(), |item: u64| item * item);
+        let expected: Vec<u64> = (0..1000).map(|item| item * item).collect();
+        assert_eq!((threads_here(), squares()), (1, expected.clone()));
+        for threads in [2, 3, 8] {
+            let here = with_threads(threads, || (threads_here(), squares()));
+            assert_eq!(here, (threads, expected.clone()));
+        }
+        // Each waits for the other, so it is another.
+        let barrier = Barrier::new(2);
+        let meet = |()| {
+            barrier.wait();
+            thread::current().id()
+        };
+        let met = with_threads(2, || share_out(vec![(); 2], meet));
+        assert_ne!(met[0], met[1]);
     }
 
     #[test]
