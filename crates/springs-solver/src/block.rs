@@ -93,6 +93,15 @@ pub(crate) fn subtract<const N: usize>(y: &mut [f64; N], x: [f64; N]) {
     }
 }
 
+/// y += s·x, block by block.
+pub(crate) fn add_multiple<const D: usize>(y: &mut [[f64; D]], x: &[[f64; D]], s: f64) {
+    for (y, x) in y.iter_mut().zip(x) {
+        for (y, x) in y.iter_mut().zip(x) {
+            *y += s * x;
+        }
+    }
+}
+
 /// How precise the entries of a diagonal block are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Rounding {

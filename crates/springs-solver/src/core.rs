@@ -183,11 +183,11 @@ impl<const D: usize, const P: usize, const Q: usize> Core<D, P, Q> {
         self.is_iterative = false;
         let iterative = self.iterative.as_ref().expect("made with the strategy");
         let matrix = &iterative.matrix;
-        let off_diagonal = matrix.by_pair().ok_or(SolveError::TooLarge {
+        let (diagonal, off_diagonal) = matrix.by_source::<D>().ok_or(SolveError::TooLarge {
             n_blocks: matrix.n_blocks(),
         })?;
         self.counts.factorizations += 1;
-        self.direct.factorize(matrix.diagonal(), &off_diagonal)
+        self.direct.factorize(&diagonal, &off_diagonal)
     }
 
     pub(crate) fn solve_in_place(
@@ -230,7 +230,10 @@ impl<const D: usize, const P: usize, const Q: usize> Core<D, P, Q> {
         } = self.iterative.as_mut().expect("made with the strategy");
         let multilevel = &mut multilevels[*used];
         let before = gradients.iterations;
-        gradients.residual.copy_from_slice(b);
+        let of_sources = gradients.residual.iter_mut().zip(matrix.of_sources(b));
+        for (residual, b) in of_sources {
+            *residual = *b;
+        }
         let until = Until {
             accuracy,
             most_iterations: self.chooser.most_iterations(),
@@ -240,8 +243,14 @@ impl<const D: usize, const P: usize, const Q: usize> Core<D, P, Q> {
         if ending == Ending::Converged {
             let residual = gradients.residual_after_correction(matrix, multilevel);
             multilevel.correct(residual, solution);
-            b.copy_from_slice(solution);
+            matrix.give_back(solution, b);
         }
+        let ending = match ending {
+            Ending::Indefinite { block } => Ending::Indefinite {
+                block: matrix.source(block),
+            },
+            ending => ending,
+        };
         let iterations = gradients.iterations - before;
         self.counts.iterations += iterations;
         self.chooser.record(iterations);
@@ -259,18 +268,15 @@ impl<const D: usize, const P: usize, const Q: usize> Iterative<D, P, Q> {
         options: Options<'_>,
         make_coarse: MakeCoarse<D, P, Q>,
     ) -> Result<Self, SolveError> {
-        let pattern = Pattern {
-            n_blocks,
-            pairs,
-            options,
-            usual_iterations: USUAL_ITERATIONS,
-        };
-        let mut multilevels = vec![Multilevel::new(&pattern, make_coarse)?];
+        let matrix = Rows::renumbered(n_blocks, pairs);
+        let pattern = Pattern::of(&matrix, options, USUAL_ITERATIONS);
+        let make = |make_coarse| Multilevel::new(&pattern, make_coarse);
+        let mut multilevels = vec![make(make_coarse)?];
         if D > 1 && options.near_null_space != NearNullSpace::Translations {
-            multilevels.insert(0, Multilevel::new(&pattern, translations)?);
+            multilevels.insert(0, make(translations)?);
         }
         Ok(Self {
-            matrix: Rows::new(n_blocks, pairs),
+            matrix,
             gradients: ConjugateGradients::new(n_blocks),
             solution: vec![[0.0; D]; n_blocks],
             multilevels,
@@ -280,8 +286,10 @@ impl<const D: usize, const P: usize, const Q: usize> Iterative<D, P, Q> {
     }
 
     fn set_positions(&mut self, positions: impl Iterator<Item = [f64; 3]>) {
+        let positions: Vec<[f64; 3]> = positions.collect();
+        let of_sources = self.matrix.of_sources(&positions);
         self.places.clear();
-        self.places.extend(positions.map(Place::node));
+        self.places.extend(of_sources.copied().map(Place::node));
     }
 
     fn set(
@@ -290,7 +298,7 @@ impl<const D: usize, const P: usize, const Q: usize> Iterative<D, P, Q> {
         off_diagonal: &[[f64; Q]],
         has_rotations: bool,
     ) -> Result<(), SolveError> {
-        self.matrix.set(diagonal, off_diagonal);
+        self.matrix.set::<D>(diagonal, off_diagonal);
         self.used = if has_rotations {
             self.multilevels.len() - 1
         } else {
@@ -300,7 +308,12 @@ impl<const D: usize, const P: usize, const Q: usize> Iterative<D, P, Q> {
         if has_rotations && !self.places.is_empty() {
             multilevel.set_places(&self.places);
         }
-        multilevel.set(&self.matrix)
+        multilevel.set(&self.matrix).map_err(|error| match error {
+            SolveError::NotPositiveDefinite { block } => SolveError::NotPositiveDefinite {
+                block: self.matrix.source(block),
+            },
+            other => other,
+        })
     }
 
     /// In bytes; `None` if it cannot be counted.

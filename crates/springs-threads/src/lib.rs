@@ -98,10 +98,15 @@ pub fn threads_here() -> usize {
 ///
 /// For many short items of about the same size, again and again: neighbours go to the same
 /// thread, and nothing is queued.
-pub fn share_out<T: Send, R: Send>(items: Vec<T>, work: impl Fn(T) -> R + Sync + Send) -> Vec<R> {
-    if threads_here() <= 1 || items.len() <= 1 {
-        return items.into_iter().map(work).collect();
+pub fn share_out<T: Send, R: Send>(
+    items: impl IntoIterator<Item = T>,
+    work: impl Fn(T) -> R + Sync + Send,
+) -> Vec<R> {
+    let items = items.into_iter();
+    if threads_here() <= 1 {
+        return items.map(work).collect();
     }
+    let items: Vec<T> = items.collect();
     items.into_par_iter().map(work).collect()
 }
 
@@ -182,7 +187,7 @@ mod tests {
 
     #[test]
     fn short_items_are_shared_out_among_the_threads_of_the_pool() {
-        let squares = || share_out((0..1000).collect(), |item: u64| item * item);
+        let squares = || share_out(0..1000, |item: u64| item * item);
         let expected: Vec<u64> = (0..1000).map(|item| item * item).collect();
         assert_eq!((threads_here(), squares()), (1, expected.clone()));
         for threads in [2, 3, 8] {

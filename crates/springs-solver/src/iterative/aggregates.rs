@@ -11,14 +11,14 @@ pub(crate) struct Aggregates {
     pub(crate) members: Lists,
     /// How many there are.
     pub(crate) n: usize,
-    /// Coarse pair of each pair of the caller, or [`INSIDE`].
-    pub(crate) coarse_pairs: Vec<u32>,
+    /// Pairs of blocks in each aggregate.
+    pub(crate) inside: Lists,
+    /// Pairs of blocks of each coarse pair.
+    pub(crate) between: Lists,
     /// The coarse pairs, the smaller aggregate first, in ascending order.
     pub(crate) pairs: Vec<[u32; 2]>,
 }
 
-/// Of a pair inside an aggregate: it has no coarse pair.
-pub(crate) const INSIDE: u32 = u32::MAX;
 /// Not in an aggregate yet.
 const NONE: u32 = u32::MAX;
 
@@ -35,36 +35,41 @@ impl Aggregates {
     pub(crate) fn new(n_blocks: usize, pairs: &[[u32; 2]], reach: Reach) -> Self {
         let neighbours = Lists::of_neighbours(n_blocks, pairs);
         let (of_block, n) = aggregate(n_blocks, &neighbours, reach);
-        let mut between: Vec<([u32; 2], usize)> = pairs
-            .iter()
-            .map(|pair| pair.map(|block| of_block[block as usize]))
-            .enumerate()
-            .filter(|(_, [a, b])| a != b)
-            .map(|(pair, [a, b])| ([a.min(b), a.max(b)], pair))
-            .collect();
+        let mut between = Vec::new();
+        let mut inside = Vec::new();
+        for (pair, ends) in (0..).zip(pairs) {
+            let [a, b] = ends.map(|block| of_block[block as usize]);
+            if a == b {
+                inside.push((a, pair));
+            } else {
+                between.push(([a.min(b), a.max(b)], pair));
+            }
+        }
         between.sort_unstable();
-        let mut coarse_pairs = vec![INSIDE; pairs.len()];
         let mut distinct: Vec<[u32; 2]> = Vec::new();
+        let mut coarse: Vec<(u32, u32)> = Vec::with_capacity(between.len());
         for (ends, pair) in between {
             if distinct.last() != Some(&ends) {
                 distinct.push(ends);
             }
-            coarse_pairs[pair] = distinct.len() as u32 - 1;
+            coarse.push((distinct.len() as u32 - 1, pair));
         }
         let blocks = of_block.iter().copied().zip(0..);
         Self {
             members: Lists::new(n, blocks),
+            inside: Lists::new(n, inside.iter().copied()),
+            between: Lists::new(distinct.len(), coarse.iter().copied()),
             of_block,
             n,
-            coarse_pairs,
             pairs: distinct,
         }
     }
 
     /// In bytes.
     pub(crate) fn memory(&self) -> u64 {
-        let lists = 4 * (self.of_block.len() + self.coarse_pairs.len()) + 8 * self.pairs.len();
-        (lists + self.members.memory()) as u64
+        let lists = [&self.members, &self.inside, &self.between].map(Lists::memory);
+        let own = 4 * self.of_block.len() + 8 * self.pairs.len();
+        (own + lists.iter().sum::<usize>()) as u64
     }
 }
 

@@ -1,12 +1,13 @@
 //! Corrections by motions of aggregates.
 
-use super::aggregates::{Aggregates, INSIDE, Reach};
+use super::aggregates::{Aggregates, Reach};
 use super::motions::{Along, Body, Idle, Motion, Place, Point};
 use super::multilevel::Multilevel;
 use super::rows::Rows;
 use crate::block::{add, packed, place, rows};
 use crate::direct::Direct;
 use crate::{NearNullSpace, Options, Price, SolveError};
+use springs_threads::share_out;
 
 /// A subspace in which matrices of D × D blocks are solved: motions of aggregates of
 /// blocks.
@@ -23,9 +24,18 @@ pub(crate) trait CoarseSpace<const D: usize, const P: usize, const Q: usize>:
     /// If the coarse matrix, and so the matrix, is not positive definite.
     fn set(&mut self, matrix: &Rows<P, Q>) -> Result<(), SolveError>;
 
-    /// Adds a motion of the aggregates to `z` that takes what the residual `r` does to
-    /// such motions away.
-    fn correct(&mut self, r: &[[f64; D]], z: &mut [[f64; D]]);
+    /// Solves for the motion of the aggregates that takes away what the residual `r` does to
+    /// such motions.
+    fn solve(&mut self, r: &[[f64; D]]);
+
+    /// Adds that motion to some blocks, the first of which is `begin`.
+    fn prolong(&self, begin: usize, z: &mut [[f64; D]]);
+
+    /// Both, for all blocks.
+    fn correct(&mut self, r: &[[f64; D]], z: &mut [[f64; D]]) {
+        self.solve(r);
+        self.prolong(0, z);
+    }
 
     /// In bytes; `None` if it cannot be counted.
     fn memory(&self) -> Option<u64>;
@@ -35,15 +45,31 @@ pub(crate) trait CoarseSpace<const D: usize, const P: usize, const Q: usize>:
 pub(crate) type MakeCoarse<const D: usize, const P: usize, const Q: usize> =
     fn(&Pattern<'_>) -> Result<Box<dyn CoarseSpace<D, P, Q>>, SolveError>;
 
-/// A pattern and how it is to be coarsened.
-#[derive(Clone, Copy)]
+/// The pattern of a matrix and how it is to be coarsened.
+#[derive(Clone)]
 pub(crate) struct Pattern<'a> {
     pub(crate) n_blocks: usize,
-    pub(crate) pairs: &'a [[u32; 2]],
+    /// Row and column of the blocks, in their order.
+    pairs: Vec<[u32; 2]>,
     pub(crate) options: Options<'a>,
     /// A coarse matrix whose factor would cost more than so many iterations, with a
     /// solution for each of them, is made smaller or has a coarser one itself.
-    pub(crate) usual_iterations: f64,
+    usual_iterations: f64,
+}
+
+impl<'a> Pattern<'a> {
+    pub(crate) fn of<const P: usize, const Q: usize>(
+        matrix: &Rows<P, Q>,
+        options: Options<'a>,
+        usual_iterations: f64,
+    ) -> Self {
+        Self {
+            n_blocks: matrix.n_blocks(),
+            pairs: matrix.pairs().collect(),
+            options,
+            usual_iterations,
+        }
+    }
 }
 
 /// Translations of aggregates.
@@ -125,6 +151,9 @@ enum Solver<const M: usize, const MP: usize, const MQ: usize> {
     },
 }
 
+/// Aggregates, or pairs of them, in a share of the work.
+const A_SHARE: usize = 64;
+
 /// Stiffness of rotations that move nothing, as a part of that of translations.
 const IDLE_STIFFNESS: f64 = 1e-6;
 
@@ -141,7 +170,7 @@ impl<
     fn new(pattern: &Pattern<'_>, next: MakeCoarse<M, MP, MQ>) -> Result<Self, SolveError> {
         let &Pattern {
             n_blocks,
-            pairs,
+            ref pairs,
             options,
             usual_iterations,
         } = pattern;
@@ -166,14 +195,10 @@ impl<
         let solver = if is_cheap || n == n_blocks {
             Solver::Direct(Box::new(direct))
         } else {
-            let coarse = Pattern {
-                n_blocks: n,
-                pairs: &aggregates.pairs,
-                options,
-                usual_iterations,
-            };
+            let matrix = Rows::new(n, &aggregates.pairs);
+            let coarse = Pattern::of(&matrix, options, usual_iterations);
             Solver::Level {
-                matrix: Rows::new(n, coarse.pairs),
+                matrix,
                 preconditioner: Box::new(Multilevel::new(&coarse, next)?),
                 solution: vec![[0.0; M]; n],
             }
@@ -190,36 +215,44 @@ impl<
         })
     }
 
+    /// The matrix that all motions see, aggregate by aggregate and pair by pair.
     fn project_all(&mut self, matrix: &Rows<P, Q>) {
-        let Aggregates {
-            of_block,
-            coarse_pairs,
+        let Self {
+            aggregates,
+            motions,
+            diagonal,
+            off_diagonal,
             ..
-        } = &self.aggregates;
-        self.diagonal.fill([0.0; MP]);
-        self.off_diagonal.fill([0.0; MQ]);
-        for ((block, &aggregate), motion) in
-            matrix.diagonal().iter().zip(of_block).zip(&self.motions)
-        {
-            let projected = projected::<T, D, P, M>(motion, block, motion);
-            add_packed(&mut self.diagonal[aggregate as usize], &projected);
-        }
-        for (row, column, pair, block) in matrix.pairs() {
-            let [above, beside] = [row, column].map(|block| of_block[block]);
-            let (of_row, of_column) = (&self.motions[row], &self.motions[column]);
-            let mut projected = projected::<T, D, Q, M>(of_row, block, of_column);
-            match coarse_pairs[pair] {
-                // It stands above and below the diagonal.
-                INSIDE => {
-                    let sum = &mut self.diagonal[above as usize];
+        } = self;
+        let (aggregates, motions) = (&*aggregates, &*motions);
+        let of_entry = |entry: usize| {
+            let pair = matrix.pair(entry).map(|block| block as usize);
+            let [left, right] = pair.map(|block| &motions[block]);
+            (pair, projected(left, &matrix.blocks()[entry], right))
+        };
+        share_out(shares(diagonal), |(begin, sums)| {
+            for (aggregate, sum) in (begin..).zip(sums) {
+                *sum = [0.0; MP];
+                for &block in aggregates.members.of(aggregate) {
+                    let (block, motion) = (block as usize, &motions[block as usize]);
+                    add_packed(sum, &projected(motion, &matrix.diagonal()[block], motion));
+                }
+                for &entry in aggregates.inside.of(aggregate) {
+                    // It stands above and below the diagonal.
+                    let (_, projected) = of_entry(entry as usize);
                     add_packed(sum, &projected);
                     add_packed(sum, &transposed(&projected));
                 }
-                coarse => {
-                    if above > beside {
+            }
+        });
+        share_out(shares(off_diagonal), |(begin, sums)| {
+            for (pair, sum) in (begin..).zip(sums) {
+                *sum = [0.0; MQ];
+                for &entry in aggregates.between.of(pair) {
+                    let ([row, column], mut projected) = of_entry(entry as usize);
+                    if aggregates.of_block[row] > aggregates.of_block[column] {
                         projected = transposed(&projected);
                     }
-                    let sum = &mut self.off_diagonal[coarse as usize];
                     for (i, row) in projected.iter().enumerate() {
                         for (j, entry) in row.iter().enumerate().skip(first_of_row::<M, MQ>(i)) {
                             sum[place::<M, MQ>(i, j)] += entry;
@@ -227,7 +260,7 @@ impl<
                     }
                 }
             }
-        }
+        });
     }
 
     /// Gives rotations that move nothing a stiffness, or they would make the matrix
@@ -298,7 +331,7 @@ impl<
                 preconditioner,
                 ..
             } => {
-                matrix.set(diagonal, off_diagonal);
+                matrix.set::<M>(diagonal, off_diagonal);
                 preconditioner.set(matrix)
             }
         };
@@ -310,28 +343,39 @@ impl<
         })
     }
 
-    fn correct(&mut self, r: &[[f64; D]], z: &mut [[f64; D]]) {
-        let of_block = &self.aggregates.of_block;
-        self.vector.fill([0.0; M]);
-        for ((r, motion), &aggregate) in r.iter().zip(&self.motions).zip(of_block) {
-            add(&mut self.vector[aggregate as usize], motion.restrict(r));
-        }
-        let correction = match &mut self.solver {
-            Solver::Direct(direct) => {
-                direct.solve_in_place(&mut self.vector);
-                &self.vector
+    fn solve(&mut self, r: &[[f64; D]]) {
+        let (aggregates, motions) = (&self.aggregates, &self.motions);
+        share_out(shares(&mut self.vector), |(begin, vector)| {
+            for (aggregate, sum) in (begin..).zip(vector) {
+                *sum = [0.0; M];
+                for &block in aggregates.members.of(aggregate) {
+                    let block = block as usize;
+                    add(sum, motions[block].restrict(&r[block]));
+                }
             }
+        });
+        match &mut self.solver {
+            Solver::Direct(direct) => direct.solve_in_place(&mut self.vector),
             Solver::Level {
                 matrix,
                 preconditioner,
                 solution,
             } => {
-                preconditioner.apply(matrix, &self.vector, solution);
-                solution
+                preconditioner.apply(matrix, (&mut self.vector, None), solution);
             }
+        }
+    }
+
+    fn prolong(&self, begin: usize, z: &mut [[f64; D]]) {
+        let motion = match &self.solver {
+            Solver::Direct(_) => &self.vector,
+            Solver::Level { solution, .. } => solution,
         };
-        for ((z, motion), &aggregate) in z.iter_mut().zip(&self.motions).zip(of_block) {
-            add(z, motion.prolong(&correction[aggregate as usize]));
+        let blocks = begin..begin + z.len();
+        let (of_block, motions) = (&self.aggregates.of_block, &self.motions);
+        let of_blocks = of_block[blocks.clone()].iter().zip(&motions[blocks]);
+        for (z, (&aggregate, of_block)) in z.iter_mut().zip(of_blocks) {
+            add(z, of_block.prolong(&motion[aggregate as usize]));
         }
     }
 
@@ -350,6 +394,11 @@ impl<
         };
         Some(self.aggregates.memory() + own as u64 + solver)
     }
+}
+
+/// Consecutive items, with the number of the first, that are one share of the work.
+fn shares<T>(items: &mut [T]) -> impl Iterator<Item = (usize, &mut [T])> {
+    (0..).step_by(A_SHARE).zip(items.chunks_mut(A_SHARE))
 }
 
 /// LᵀBR of a block B with the motions L of its row and R of its column, by columns.

@@ -1,9 +1,11 @@
 //! Preconditioned conjugate gradients.
 
-use super::multilevel::Multilevel;
+use super::multilevel::{Multilevel, Step};
 use super::rows::Rows;
+use super::stretches::parts;
 use crate::Interrupt;
-use crate::block::dot;
+use crate::block::{add_multiple, dot};
+use springs_threads::share_out;
 
 /// How a solution ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -76,21 +78,22 @@ impl<const D: usize> ConjugateGradients<D> {
         x: &mut [[f64; D]],
     ) -> Ending {
         x.fill([0.0; D]);
-        preconditioner.apply(matrix, &self.residual, &mut self.preconditioned);
-        let mut remaining = product(&self.residual, &self.preconditioned);
+        let z = &mut self.preconditioned;
+        let mut remaining = preconditioner.apply(matrix, (&mut self.residual, None), z);
         if remaining == 0.0 {
             return Ending::Converged;
         }
         let first = remaining;
         self.direction.fill([0.0; D]);
         self.product.fill([0.0; D]);
-        let mut contraction = 0.0;
+        let (mut contraction, mut length) = (0.0, 0.0);
         for _ in 0..most_iterations {
             if interrupt.is_requested() {
                 return Ending::Interrupted;
             }
             self.iterations += 1;
-            let curvature = self.turn(matrix, preconditioner, contraction);
+            let change = preconditioner.change_of_last_sweep();
+            let curvature = self.turn(matrix, change, (length, contraction), x);
             // Not a number, too, is not positive.
             let is_positive = curvature > 0.0;
             if !is_positive {
@@ -103,13 +106,16 @@ impl<const D: usize> ConjugateGradients<D> {
                     }
                 };
             }
-            let length = remaining / curvature;
-            add_multiple(x, &self.direction, length);
-            add_multiple(&mut self.residual, &self.product, -length);
+            length = remaining / curvature;
             let last = remaining;
-            preconditioner.apply(matrix, &self.residual, &mut self.preconditioned);
-            remaining = product(&self.residual, &self.preconditioned);
+            let step = Step {
+                product: &self.product,
+                length,
+            };
+            let z = &mut self.preconditioned;
+            remaining = preconditioner.apply(matrix, (&mut self.residual, Some(step)), z);
             if remaining <= accuracy * accuracy * first {
+                add_multiple(x, &self.direction, length);
                 add_multiple(x, &self.preconditioned, 1.0);
                 return Ending::Converged;
             }
@@ -118,52 +124,55 @@ impl<const D: usize> ConjugateGradients<D> {
         Ending::Stalled
     }
 
-    /// The next direction d, from what the preconditioner has just given and the last one,
-    /// with its product A d; gives dᵀA d.
+    /// Goes along the last direction by a length, in x, and turns to the next one, d, from
+    /// what the preconditioner has just given; its product A d takes the change of the last
+    /// sweep. Gives dᵀA d.
     fn turn<const P: usize, const Q: usize>(
         &mut self,
         matrix: &Rows<P, Q>,
-        preconditioner: &mut Multilevel<D, P, Q>,
-        contraction: f64,
+        change: &[[f64; D]],
+        (length, contraction): (f64, f64),
+        x: &mut [[f64; D]],
     ) -> f64 {
-        let change = preconditioner.change_of_last_sweep(&self.preconditioned);
-        let mut curvature = 0.0;
-        for (row, d) in self.direction.iter_mut().enumerate() {
-            let (z, r) = (&self.preconditioned[row], &self.residual[row]);
-            let (change, product) = (matrix.lower_row(row, change), &mut self.product[row]);
-            for axis in 0..D {
-                d[axis] = z[axis] + contraction * d[axis];
-                product[axis] = r[axis] + change[axis] + contraction * product[axis];
+        let windows = || matrix.stretches().windows();
+        let tasks = windows()
+            .zip(parts(&mut self.direction, windows()))
+            .zip(parts(&mut self.product, windows()))
+            .zip(parts(x, windows()));
+
+        let (residual, preconditioned) = (&self.residual, &self.preconditioned);
+        let curvatures = share_out(tasks, |(((rows, d), product), x)| {
+            let mut curvature = 0.0;
+            for (row, ((d, product), x)) in rows.zip(d.iter_mut().zip(product).zip(x)) {
+                let (z, r) = (&preconditioned[row], &residual[row]);
+                let change = matrix.lower_row(row, 0, change);
+                for axis in 0..D {
+                    x[axis] += length * d[axis];
+                    d[axis] = z[axis] + contraction * d[axis];
+                    product[axis] = r[axis] + change[axis] + contraction * product[axis];
+                }
+                curvature += dot(d, product);
             }
-            curvature += dot(d, product);
-        }
-        curvature
+            curvature
+        });
+        curvatures.iter().sum()
     }
 
     /// The residual of x = (last x) + (last correction), from that before.
     pub(crate) fn residual_after_correction<const P: usize, const Q: usize>(
         &mut self,
         matrix: &Rows<P, Q>,
-        preconditioner: &mut Multilevel<D, P, Q>,
+        preconditioner: &Multilevel<D, P, Q>,
     ) -> &[[f64; D]] {
-        let change = preconditioner.change_of_last_sweep(&self.preconditioned);
-        for (row, r) in self.residual.iter_mut().enumerate() {
-            *r = matrix.lower_row(row, change).map(|entry| -entry);
-        }
+        let change = preconditioner.change_of_last_sweep();
+        let windows = || matrix.stretches().windows();
+        let tasks = windows().zip(parts(&mut self.residual, windows()));
+        share_out(tasks, |(rows, residual)| {
+            for (row, r) in rows.zip(residual) {
+                *r = matrix.lower_row(row, 0, change).map(|entry| -entry);
+            }
+        });
         &self.residual
-    }
-}
-
-fn product<const D: usize>(a: &[[f64; D]], b: &[[f64; D]]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| dot(a, b)).sum()
-}
-
-/// y += s·x.
-fn add_multiple<const D: usize>(y: &mut [[f64; D]], x: &[[f64; D]], s: f64) {
-    for (y, x) in y.iter_mut().zip(x) {
-        for (y, x) in y.iter_mut().zip(x) {
-            *y += s * x;
-        }
     }
 }
 

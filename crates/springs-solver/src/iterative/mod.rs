@@ -6,6 +6,7 @@ mod conjugate_gradients;
 mod motions;
 mod multilevel;
 mod rows;
+mod stretches;
 
 pub(crate) use coarse::{MakeCoarse, Pattern, in_plane, in_space, translations};
 pub(crate) use conjugate_gradients::{ConjugateGradients, Ending, Until};

@@ -4,7 +4,6 @@ use crate::block::{add, dot, place, times};
 /// Springs between neighbours in a grid of points, and masses.
 struct Net<const D: usize, const P: usize> {
     positions: Vec<[f64; D]>,
-    pairs: Vec<[u32; 2]>,
     rows: Rows<P, P>,
 }
 
@@ -40,18 +39,15 @@ impl<const D: usize, const P: usize> Net<D, P> {
             off_diagonal.push(block.map(|entry| -entry));
         }
         let mut rows = Rows::new(positions.len(), &pairs);
-        rows.set(&diagonal, &off_diagonal);
-        Self {
-            positions,
-            pairs,
-            rows,
-        }
+        rows.set::<D>(&diagonal, &off_diagonal);
+        Self { positions, rows }
     }
 
     fn product(&self, x: &[[f64; D]]) -> Vec<[f64; D]> {
         let diagonal = self.rows.diagonal().iter().zip(x);
         let mut product: Vec<_> = diagonal.map(|(block, x)| times(block, x)).collect();
-        for (row, column, _, block) in self.rows.pairs() {
+        for ([row, column], block) in self.rows.pairs().zip(self.rows.blocks()) {
+            let [row, column] = [row, column].map(|block| block as usize);
             add(&mut product[row], times(block, &x[column]));
             add(&mut product[column], times(block, &x[row]));
         }
@@ -61,15 +57,11 @@ impl<const D: usize, const P: usize> Net<D, P> {
     /// What is left of a motion after the correction of what the matrix does to it, as a
     /// part of the motion.
     fn left(&self, make: MakeCoarse<D, P, P>, motion: impl Fn(&[f64; D]) -> [f64; D]) -> f64 {
-        let pattern = Pattern {
-            n_blocks: self.positions.len(),
-            pairs: &self.pairs,
-            options: Options {
-                near_null_space: NearNullSpace::RigidMotions,
-                ..Options::default()
-            },
-            usual_iterations: 1e9,
+        let options = Options {
+            near_null_space: NearNullSpace::RigidMotions,
+            ..Options::default()
         };
+        let pattern = Pattern::of(&self.rows, options, 1e9);
         let mut coarse = make(&pattern).unwrap();
         let place = |position: &[f64; D]| {
             let mut centre = [0.0; 3];
