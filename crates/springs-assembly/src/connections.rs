@@ -1,7 +1,7 @@
 //! Connections between two nodes, sorted by what their ends are.
 
 use crate::Numbering;
-use crate::matrix::{PairBlocks, add, times};
+use crate::matrix::{PairBlock, add, times};
 use crate::run::{self, Run};
 use nalgebra::Vector3;
 use std::ops::Range;
@@ -85,6 +85,11 @@ impl Connections {
     pub(crate) fn place(&mut self, pairs: &[u32]) {
         assert_eq!(pairs.len(), self.interior, "one pair per interior one");
         self.pairs = pairs.to_vec();
+    }
+
+    /// The pair of the matrix of each interior one.
+    pub(crate) fn pairs(&self) -> &[u32] {
+        &self.pairs
     }
 
     pub(crate) fn each_stencil(&self, visit: &mut dyn FnMut(&[u32])) {
@@ -199,12 +204,12 @@ impl Connections {
         connection: usize,
         block: &[f64; 6],
         diagonal: &mut [[f64; 6]],
-        pairs: &mut impl PairBlocks,
+        pairs: &mut [impl PairBlock],
     ) {
         let [a, b] = self.ends[connection];
         add(&mut diagonal[a as usize], block);
         add(&mut diagonal[b as usize], block);
-        pairs.subtract_symmetric(self.pairs[connection], block);
+        pairs[self.pairs[connection] as usize].subtract_symmetric(block);
     }
 
     /// [`Self::add_block`] of an anchored connection, and what the velocity of

@@ -2,7 +2,7 @@
 
 use crate::anchor_works::share_out;
 use crate::connections::Connections;
-use crate::matrix::{OffDiagonal, PairBlocks};
+use crate::matrix::{OffDiagonal, PairBlock};
 use crate::{
     Emitter, Evaluation, Linearization, Nature, Numbering, PACKED, SpringNumbers, StiffnessKind,
 };
@@ -135,7 +135,7 @@ impl Dashpots {
         &self,
         at: &Evaluation<'_>,
         diagonal: &mut [[f64; 6]],
-        pairs: &mut impl PairBlocks,
+        pairs: &mut [impl PairBlock],
     ) {
         for index in self.connections.interior() {
             let block = self.block(index, at);

@@ -2,8 +2,8 @@
 
 use crate::anchor_works::share_out;
 use crate::connections::Connections;
-use crate::linear_runs::LinearRuns;
-use crate::matrix::{OffDiagonal, PairBlocks, times};
+use crate::linear_runs::{LinearRuns, RunSums};
+use crate::matrix::{OffDiagonal, PairBlock, times};
 use crate::{
     BrokenSpring, Emitter, Evaluation, Linearization, MemoryUpdate, Nature, Notable, Numbering,
     Projection, SpringNumbers, StiffnessKind, Strained,
@@ -162,36 +162,49 @@ impl<L: LengthLaw + Clone> Springs<L> {
         .1
     }
 
-    fn linearize_into<P: PairBlocks>(&self, at: &Evaluation<'_>, mut sum: Sums<'_, P>) {
+    fn linearize_into<P: PairBlock>(&self, at: &Evaluation<'_>, mut sum: Sums<'_, P>) {
         let is_isotropic = self.stiffness == StiffnessKind::Isotropic;
         if is_isotropic && at.projection != Projection::Drop && at.carried.is_none() {
             return self.linearize_isotropic(at, &mut sum);
+        }
+        let (along_runs, one_by_one) = self.work_off(true);
+        if let Some(numbers) = along_runs {
+            let sums = RunSums {
+                forces: bytemuck::cast_slice_mut(sum.forces),
+                diagonal: sum.diagonal.as_flattened_mut(),
+                pairs: sum.pairs,
+            };
+            let connections = &self.connections;
+            numbers.linearize((connections.runs(), connections.pairs()), at, sums);
         }
         if at.projected.is_some() {
             let project = |index: usize, across: f64| {
                 let projection = at.projection_at(self.connections.free_ends(index));
                 projection.apply(across)
             };
-            return self.linearize_with(project, at, &mut sum);
+            return self.linearize_with(one_by_one, project, at, &mut sum);
         }
         // One loop for each, without a choice inside.
         use Projection::{Absolute, Clamp, Drop, None};
         match at.projection {
-            None => self.linearize_with(|_, across| None.apply(across), at, &mut sum),
-            Clamp => self.linearize_with(|_, across| Clamp.apply(across), at, &mut sum),
-            Absolute => self.linearize_with(|_, across| Absolute.apply(across), at, &mut sum),
-            Drop => self.linearize_with(|_, across| Drop.apply(across), at, &mut sum),
+            None => self.linearize_with(one_by_one, |_, across| None.apply(across), at, &mut sum),
+            Clamp => self.linearize_with(one_by_one, |_, across| Clamp.apply(across), at, &mut sum),
+            Absolute => {
+                self.linearize_with(one_by_one, |_, across| Absolute.apply(across), at, &mut sum)
+            }
+            Drop => self.linearize_with(one_by_one, |_, across| Drop.apply(across), at, &mut sum),
         }
     }
 
-    fn linearize_with<P: PairBlocks>(
+    fn linearize_with<P: PairBlock>(
         &self,
+        springs: Range<usize>,
         project: impl Fn(usize, f64) -> f64 + Copy,
         at: &Evaluation<'_>,
         sum: &mut Sums<'_, P>,
     ) {
         let weight = at.weights.stiffness;
-        for index in self.connections.live() {
+        for index in springs {
             let dx = self.connections.difference(index, at.x);
             let (force, block) = spring::linearize(
                 &self.laws[index],
@@ -205,7 +218,7 @@ impl<L: LengthLaw + Clone> Springs<L> {
     }
 
     /// Forces, and the block K·I of every spring, whatever its state.
-    fn linearize_isotropic<P: PairBlocks>(&self, at: &Evaluation<'_>, sum: &mut Sums<'_, P>) {
+    fn linearize_isotropic<P: PairBlock>(&self, at: &Evaluation<'_>, sum: &mut Sums<'_, P>) {
         let weight = at.weights.stiffness;
         for index in self.connections.live() {
             let force = self.force(index, at.x);
@@ -216,7 +229,7 @@ impl<L: LengthLaw + Clone> Springs<L> {
     }
 
     #[inline(always)]
-    fn add_linearized<P: PairBlocks>(
+    fn add_linearized<P: PairBlock>(
         &self,
         index: usize,
         force: Vector3<f64>,
@@ -239,7 +252,7 @@ struct Sums<'a, P> {
     forces: &'a mut [Vector3<f64>],
     diagonal: &'a mut [[f64; 6]],
     anchor_load: &'a mut [Vector3<f64>],
-    pairs: &'a mut P,
+    pairs: &'a mut [P],
 }
 
 #[cfg(test)]
