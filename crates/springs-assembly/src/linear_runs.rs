@@ -28,17 +28,14 @@ const NO_SPRING: u32 = u32::MAX;
 
 /// The slots of each run within those of all.
 fn slots(runs: &[Run]) -> impl Iterator<Item = (&Run, Range<usize>)> {
-    runs.iter().scan(0, |begin, run| {
-        let slots = *begin..*begin + run.n_slots;
-        *begin = slots.end;
-        Some((run, slots))
-    })
+    runs.iter()
+        .map(|run| (run, run.first_slot..run.first_slot + run.n_slots))
 }
 
 impl LinearRuns {
     /// Of springs with these laws and ends.
     pub(crate) fn new(runs: &[Run], ends: &[[u32; 2]], law: impl Fn(usize) -> Spring) -> Self {
-        let n_slots = runs.iter().map(|run| run.n_slots).sum();
+        let n_slots = slots(runs).last().map_or(0, |(_, slots)| slots.end);
         let mut numbers = Self {
             stiffnesses: vec![0.0; n_slots],
             rest_lengths: vec![0.0; n_slots],
@@ -57,33 +54,40 @@ impl LinearRuns {
     }
 
     /// Adds what [`spring::force`] gives for each spring in turn, with the same bits, to
-    /// the forces in N.
+    /// the forces in N, which are those of the blocks from `first` on.
     ///
     /// # Panics
     ///
-    /// If a slice is shorter than the number of free blocks.
-    pub(crate) fn add_forces(&self, runs: &[Run], x: &[Vector3<f64>], forces: &mut [Vector3<f64>]) {
+    /// If a slice does not have all blocks of the runs.
+    pub(crate) fn add_forces(
+        &self,
+        runs: &[Run],
+        x: &[Vector3<f64>],
+        (first, forces): (usize, &mut [Vector3<f64>]),
+    ) {
         Arch::new().dispatch(AddForces {
             numbers: self,
             runs,
             x: bytemuck::cast_slice(x),
+            first,
             forces: bytemuck::cast_slice_mut(forces),
         });
     }
 
     /// Adds the products of `weight` times the Hessians and `y` on the first ends, and
-    /// their negatives on the second ends: of [`spring::linearize`] but for rounding.
+    /// their negatives on the second ends: of [`spring::linearize`] but for rounding. The
+    /// products are those of the blocks from `first` on.
     ///
     /// # Panics
     ///
-    /// If a slice is shorter than the number of free blocks.
+    /// If a slice does not have all blocks of the runs.
     pub(crate) fn add_products(
         &self,
         runs: &[Run],
         x: &[Vector3<f64>],
         (projection, weight): (Projection, f64),
         y: &[Vector3<f64>],
-        products: &mut [Vector3<f64>],
+        (first, products): (usize, &mut [Vector3<f64>]),
     ) {
         Arch::new().dispatch(AddProducts {
             numbers: self,
@@ -92,6 +96,7 @@ impl LinearRuns {
             projection,
             weight,
             y: bytemuck::cast_slice(y),
+            first,
             products: bytemuck::cast_slice_mut(products),
         });
     }
@@ -131,6 +136,8 @@ struct AddForces<'a> {
     runs: &'a [Run],
     /// Coordinates of one block after the other, as are the forces.
     x: &'a [f64],
+    /// Block of the first force.
+    first: usize,
     forces: &'a mut [f64],
 }
 
@@ -142,7 +149,7 @@ impl WithSimd for AddForces<'_> {
         self.numbers.each_lanes(self.runs, |at, law, _| {
             let ends = at.map(|at| lanes_at(self.x, at));
             let forces = forces_of(simd, ends, law);
-            add_to_ends(self.forces, at, &forces);
+            add_to_ends(self.forces, at.map(|block| block - self.first), &forces);
         });
     }
 }
@@ -177,6 +184,8 @@ struct AddProducts<'a> {
     projection: Projection,
     weight: f64,
     y: &'a [f64],
+    /// Block of the first product.
+    first: usize,
     products: &'a mut [f64],
 }
 
@@ -192,7 +201,7 @@ impl WithSimd for AddProducts<'_> {
             for product in &mut products {
                 *product *= weight;
             }
-            add_to_ends(self.products, at, &products);
+            add_to_ends(self.products, at.map(|block| block - self.first), &products);
         });
     }
 }

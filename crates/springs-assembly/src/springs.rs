@@ -4,6 +4,7 @@ use crate::anchor_works::share_out;
 use crate::connections::Connections;
 use crate::linear_runs::{LinearRuns, RunSums};
 use crate::matrix::{OffDiagonal, PairBlock, times};
+use crate::segments::Segment;
 use crate::{
     BrokenSpring, Emitter, Evaluation, Linearization, MemoryUpdate, Nature, Notable, Numbering,
     Projection, SpringNumbers, StiffnessKind, Strained,
@@ -87,9 +88,9 @@ impl<L: LengthLaw + Clone> Springs<L> {
         }
     }
 
-    /// What is worked off along runs, if that may be, and the other springs with a free end.
-    fn work_off(&self, along_runs: bool) -> (Option<&LinearRuns>, Range<usize>) {
-        let numbers = self.linear_runs.as_ref().filter(|_| along_runs);
+    /// What is worked off along runs, and the other springs with a free end.
+    fn work_off(&self) -> (Option<&LinearRuns>, Range<usize>) {
+        let numbers = self.linear_runs.as_ref();
         let one_by_one = if numbers.is_some() {
             self.connections.outside_runs()
         } else {
@@ -167,7 +168,7 @@ impl<L: LengthLaw + Clone> Springs<L> {
         if is_isotropic && at.projection != Projection::Drop && at.carried.is_none() {
             return self.linearize_isotropic(at, &mut sum);
         }
-        let (along_runs, one_by_one) = self.work_off(true);
+        let (along_runs, one_by_one) = self.work_off();
         if let Some(numbers) = along_runs {
             let sums = RunSums {
                 forces: bytemuck::cast_slice_mut(sum.forces),
@@ -238,7 +239,7 @@ impl<L: LengthLaw + Clone> Springs<L> {
         sum: &mut Sums<'_, P>,
     ) {
         let connections = &self.connections;
-        connections.add_force(index, force, sum.forces);
+        connections.add_force(index, force, (0, &mut *sum.forces));
         if index < connections.interior().end {
             connections.add_block(index, block, sum.diagonal, sum.pairs);
         } else {
@@ -263,6 +264,10 @@ impl<L> Springs<L> {
             linear_runs: None,
             ..self
         }
+    }
+
+    pub(crate) fn connections(&self) -> &Connections {
+        &self.connections
     }
 
     /// The other ends of all springs at a block.
@@ -354,21 +359,31 @@ impl<L: LengthLaw + Clone + Send + Sync> Emitter for Springs<L> {
 
     fn energy_on_free_blocks(&self, x: &[Vector3<f64>]) -> f64 {
         let runs = self.connections.runs();
-        let (along_runs, one_by_one) = self.work_off(true);
-        let along_runs = along_runs.map_or(0.0, |numbers| numbers.energy(runs, x));
-        let one_by_one = one_by_one.map(|index| self.energy_of(index, x));
-        along_runs + one_by_one.sum::<f64>()
+        self.connections.segments().sum(|segment| {
+            let numbers = self.linear_runs.as_ref();
+            let runs = &runs[segment.runs.clone()];
+            let along_runs = numbers.map_or(0.0, |numbers| numbers.energy(runs, x));
+            let one_by_one = segment.live(numbers.is_some()).into_iter().flatten();
+            along_runs
+                + one_by_one
+                    .map(|index| self.energy_of(index, x))
+                    .sum::<f64>()
+        })
     }
 
     fn add_forces(&self, x: &[Vector3<f64>], forces: &mut [Vector3<f64>]) {
-        let (along_runs, one_by_one) = self.work_off(true);
-        if let Some(numbers) = along_runs {
-            numbers.add_forces(self.connections.runs(), x, forces);
-        }
-        for index in one_by_one {
-            self.connections
-                .add_force(index, self.force(index, x), forces);
-        }
+        let runs = self.connections.runs();
+        let work = |segment: &Segment, first: usize, forces: &mut [Vector3<f64>]| {
+            let numbers = self.linear_runs.as_ref();
+            if let Some(numbers) = numbers {
+                numbers.add_forces(&runs[segment.runs.clone()], x, (first, forces));
+            }
+            for index in segment.live(numbers.is_some()).into_iter().flatten() {
+                let force = self.force(index, x);
+                self.connections.add_force(index, force, (first, forces));
+            }
+        };
+        self.connections.segments().add_up(forces, work);
     }
 
     fn linearize(&self, at: &Evaluation<'_>, out: &mut Linearization) {
@@ -402,16 +417,20 @@ impl<L: LengthLaw + Clone + Send + Sync> Emitter for Springs<L> {
 
     fn add_products(&self, at: &Evaluation<'_>, y: &[Vector3<f64>], products: &mut [Vector3<f64>]) {
         let is_plain = at.carried.is_none() && at.projected.is_none();
-        let (along_runs, one_by_one) = self.work_off(is_plain);
-        if let Some(numbers) = along_runs {
-            let factors = (at.projection, at.weights.stiffness);
-            numbers.add_products(self.connections.runs(), at.x, factors, y, products);
-        }
-        for index in one_by_one {
-            let block = self.block(index, at);
-            self.connections
-                .add_product(index, &block, at.weights.stiffness, y, products);
-        }
+        let (runs, weight) = (self.connections.runs(), at.weights.stiffness);
+        let work = |segment: &Segment, first: usize, products: &mut [Vector3<f64>]| {
+            let numbers = self.linear_runs.as_ref().filter(|_| is_plain);
+            if let Some(numbers) = numbers {
+                let (runs, factors) = (&runs[segment.runs.clone()], (at.projection, weight));
+                numbers.add_products(runs, at.x, factors, y, (first, products));
+            }
+            for index in segment.live(numbers.is_some()).into_iter().flatten() {
+                let (block, products) = (self.block(index, at), (first, &mut *products));
+                self.connections
+                    .add_product(index, &block, weight, y, products);
+            }
+        };
+        self.connections.segments().add_up(products, work);
     }
 
     fn add_stiffness_bounds(&self, bounds: &mut [f64]) {
