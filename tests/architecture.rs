@@ -34,7 +34,12 @@ fn dependencies_point_one_way() {
         ("springs-scene", &["nalgebra"]),
         (
             "springs-assembly",
-            &["nalgebra", "springs-math", "springs-scene"],
+            &[
+                "nalgebra",
+                "springs-math",
+                "springs-scene",
+                "springs-threads",
+            ],
         ),
         ("springs-solver", &["faer", "springs-threads"]),
         (

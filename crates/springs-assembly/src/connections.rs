@@ -1,8 +1,9 @@
 //! Connections between two nodes, sorted by what their ends are.
 
 use crate::Numbering;
-use crate::matrix::{PairBlocks, add, times};
+use crate::matrix::{PairBlock, add, times};
 use crate::run::{self, Run};
+use crate::segments::{Lengths, Segments};
 use nalgebra::Vector3;
 use std::ops::Range;
 
@@ -17,6 +18,7 @@ pub(crate) struct Connections {
     /// Pair of the matrix of each interior connection.
     pairs: Vec<u32>,
     runs: Vec<Run>,
+    segments: Segments,
     interior: usize,
     anchored: usize,
     first_fixed: usize,
@@ -41,6 +43,7 @@ impl Connections {
             first_fixed: 0,
             pairs: Vec::new(),
             runs: Vec::new(),
+            segments: Segments::default(),
             ends,
         }
     }
@@ -66,8 +69,13 @@ impl Connections {
         let upto = |last: Kind| order.partition_point(|&index| kind(&self.ends[index]) <= last);
         (self.interior, self.anchored) = (upto(Kind::Interior), upto(Kind::Anchored));
         let interior = &mut order[..self.interior];
-        self.runs = run::bring_to_front(interior, &self.ends, numbering.n_free());
+        let interior_ends = interior.iter().map(|&index| &self.ends[index]);
+        let lengths = Lengths::of(numbering.n_free(), self.anchored, interior_ends);
+        let end_of = |block| lengths.end_of_reach(block);
+        self.runs = run::bring_to_front(interior, &self.ends, end_of);
         self.ends = order.iter().map(|&index| self.ends[index]).collect();
+        let kinds = (self.interior, self.anchored);
+        self.segments = Segments::new(lengths, &self.ends, &self.runs, kinds);
         self.first_fixed = numbering.n_free();
         order
     }
@@ -75,6 +83,11 @@ impl Connections {
     /// Runs among the interior connections.
     pub(crate) fn runs(&self) -> &[Run] {
         &self.runs
+    }
+
+    /// Those with a free end, in parts that may be worked off at once.
+    pub(crate) fn segments(&self) -> &Segments {
+        &self.segments
     }
 
     /// Connections with a free end that are in no run.
@@ -85,6 +98,11 @@ impl Connections {
     pub(crate) fn place(&mut self, pairs: &[u32]) {
         assert_eq!(pairs.len(), self.interior, "one pair per interior one");
         self.pairs = pairs.to_vec();
+    }
+
+    /// The pair of the matrix of each interior one.
+    pub(crate) fn pairs(&self) -> &[u32] {
+        &self.pairs
     }
 
     pub(crate) fn each_stencil(&self, visit: &mut dyn FnMut(&[u32])) {
@@ -177,18 +195,19 @@ impl Connections {
         x[b as usize] - x[a as usize]
     }
 
-    /// Adds the force on end 0, and its negative on end 1 if that is free.
+    /// Adds the force on end 0, and its negative on end 1 if that is free; the forces are
+    /// those of the blocks from `first` on.
     #[inline(always)]
     pub(crate) fn add_force(
         &self,
         connection: usize,
         force: Vector3<f64>,
-        forces: &mut [Vector3<f64>],
+        (first, forces): (usize, &mut [Vector3<f64>]),
     ) {
         let [a, b] = self.ends[connection];
-        forces[a as usize] += force;
+        forces[a as usize - first] += force;
         if connection < self.interior {
-            forces[b as usize] -= force;
+            forces[b as usize - first] -= force;
         }
     }
 
@@ -199,12 +218,12 @@ impl Connections {
         connection: usize,
         block: &[f64; 6],
         diagonal: &mut [[f64; 6]],
-        pairs: &mut impl PairBlocks,
+        pairs: &mut [impl PairBlock],
     ) {
         let [a, b] = self.ends[connection];
         add(&mut diagonal[a as usize], block);
         add(&mut diagonal[b as usize], block);
-        pairs.subtract_symmetric(self.pairs[connection], block);
+        pairs[self.pairs[connection] as usize].subtract_symmetric(block);
     }
 
     /// [`Self::add_block`] of an anchored connection, and what the velocity of
@@ -223,7 +242,8 @@ impl Connections {
         anchor_load[free as usize] += times(block, &v[anchor as usize]);
     }
 
-    /// Adds weight·[[B, −B], [−B, B]] y on the free ends; fixed ends do not move.
+    /// Adds weight·[[B, −B], [−B, B]] y on the free ends; fixed ends do not move. The
+    /// products are those of the blocks from `first` on.
     #[inline(always)]
     pub(crate) fn add_product(
         &self,
@@ -231,15 +251,15 @@ impl Connections {
         block: &[f64; 6],
         weight: f64,
         y: &[Vector3<f64>],
-        products: &mut [Vector3<f64>],
+        (first, products): (usize, &mut [Vector3<f64>]),
     ) {
         let [a, b] = self.ends[connection].map(|block| block as usize);
         let is_interior = connection < self.interior;
         let difference = if is_interior { y[a] - y[b] } else { y[a] };
         let product = times(block, &difference) * weight;
-        products[a] += product;
+        products[a - first] += product;
         if is_interior {
-            products[b] -= product;
+            products[b - first] -= product;
         }
     }
 }

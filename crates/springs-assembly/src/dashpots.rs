@@ -2,7 +2,8 @@
 
 use crate::anchor_works::share_out;
 use crate::connections::Connections;
-use crate::matrix::{OffDiagonal, PairBlocks};
+use crate::matrix::{OffDiagonal, PairBlock};
+use crate::segments::Segment;
 use crate::{
     Emitter, Evaluation, Linearization, Nature, Numbering, PACKED, SpringNumbers, StiffnessKind,
 };
@@ -135,7 +136,7 @@ impl Dashpots {
         &self,
         at: &Evaluation<'_>,
         diagonal: &mut [[f64; 6]],
-        pairs: &mut impl PairBlocks,
+        pairs: &mut [impl PairBlock],
     ) {
         for index in self.connections.interior() {
             let block = self.block(index, at);
@@ -208,10 +209,13 @@ impl Emitter for Dashpots {
         v: &[Vector3<f64>],
         forces: &mut [Vector3<f64>],
     ) {
-        for index in self.connections.live() {
-            let force = self.force(index, x, v);
-            self.connections.add_force(index, force, forces);
-        }
+        let work = |segment: &Segment, first: usize, forces: &mut [Vector3<f64>]| {
+            for index in segment.live(false).into_iter().flatten() {
+                let force = self.force(index, x, v);
+                self.connections.add_force(index, force, (first, forces));
+            }
+        };
+        self.connections.segments().add_up(forces, work);
     }
 
     fn add_damping_reactions(
@@ -257,11 +261,14 @@ impl Emitter for Dashpots {
     }
 
     fn add_products(&self, at: &Evaluation<'_>, y: &[Vector3<f64>], products: &mut [Vector3<f64>]) {
-        for index in self.connections.live() {
-            let block = self.block(index, at);
-            self.connections
-                .add_product(index, &block, 1.0, y, products);
-        }
+        let work = |segment: &Segment, first: usize, products: &mut [Vector3<f64>]| {
+            for index in segment.live(false).into_iter().flatten() {
+                let (block, products) = (self.block(index, at), (first, &mut *products));
+                self.connections
+                    .add_product(index, &block, 1.0, y, products);
+            }
+        };
+        self.connections.segments().add_up(products, work);
     }
 
     fn add_stiffness_bounds(&self, _bounds: &mut [f64]) {}

@@ -48,6 +48,7 @@ mod matrix;
 mod motion;
 mod prescribed;
 mod run;
+mod segments;
 mod springs;
 mod system;
 mod terms;

@@ -1,5 +1,9 @@
 //! Linear springs along runs, several at once.
 
+mod linearization;
+
+pub(crate) use self::linearization::RunSums;
+
 use crate::Projection;
 use crate::matrix::times;
 use crate::run::{LANES, Run};
@@ -15,24 +19,27 @@ use std::ops::Range;
 pub(crate) struct LinearRuns {
     stiffnesses: Vec<f64>,
     rest_lengths: Vec<f64>,
+    /// Which spring each slot has, or [`NO_SPRING`].
+    springs: Vec<u32>,
 }
+
+/// In a slot without one.
+const NO_SPRING: u32 = u32::MAX;
 
 /// The slots of each run within those of all.
 fn slots(runs: &[Run]) -> impl Iterator<Item = (&Run, Range<usize>)> {
-    runs.iter().scan(0, |begin, run| {
-        let slots = *begin..*begin + run.n_slots;
-        *begin = slots.end;
-        Some((run, slots))
-    })
+    runs.iter()
+        .map(|run| (run, run.first_slot..run.first_slot + run.n_slots))
 }
 
 impl LinearRuns {
     /// Of springs with these laws and ends.
     pub(crate) fn new(runs: &[Run], ends: &[[u32; 2]], law: impl Fn(usize) -> Spring) -> Self {
-        let n_slots = runs.iter().map(|run| run.n_slots).sum();
+        let n_slots = slots(runs).last().map_or(0, |(_, slots)| slots.end);
         let mut numbers = Self {
             stiffnesses: vec![0.0; n_slots],
             rest_lengths: vec![0.0; n_slots],
+            springs: vec![NO_SPRING; n_slots],
         };
         for (run, slots) in slots(runs) {
             for index in run.connections.clone() {
@@ -40,39 +47,47 @@ impl LinearRuns {
                 let law = law(index);
                 numbers.stiffnesses[slot] = law.stiffness;
                 numbers.rest_lengths[slot] = law.rest_length;
+                numbers.springs[slot] = index as u32;
             }
         }
         numbers
     }
 
     /// Adds what [`spring::force`] gives for each spring in turn, with the same bits, to
-    /// the forces in N.
+    /// the forces in N, which are those of the blocks from `first` on.
     ///
     /// # Panics
     ///
-    /// If a slice is shorter than the number of free blocks.
-    pub(crate) fn add_forces(&self, runs: &[Run], x: &[Vector3<f64>], forces: &mut [Vector3<f64>]) {
+    /// If a slice does not have all blocks of the runs.
+    pub(crate) fn add_forces(
+        &self,
+        runs: &[Run],
+        x: &[Vector3<f64>],
+        (first, forces): (usize, &mut [Vector3<f64>]),
+    ) {
         Arch::new().dispatch(AddForces {
             numbers: self,
             runs,
             x: bytemuck::cast_slice(x),
+            first,
             forces: bytemuck::cast_slice_mut(forces),
         });
     }
 
     /// Adds the products of `weight` times the Hessians and `y` on the first ends, and
-    /// their negatives on the second ends: of [`spring::linearize`] but for rounding.
+    /// their negatives on the second ends: of [`spring::linearize`] but for rounding. The
+    /// products are those of the blocks from `first` on.
     ///
     /// # Panics
     ///
-    /// If a slice is shorter than the number of free blocks.
+    /// If a slice does not have all blocks of the runs.
     pub(crate) fn add_products(
         &self,
         runs: &[Run],
         x: &[Vector3<f64>],
         (projection, weight): (Projection, f64),
         y: &[Vector3<f64>],
-        products: &mut [Vector3<f64>],
+        (first, products): (usize, &mut [Vector3<f64>]),
     ) {
         Arch::new().dispatch(AddProducts {
             numbers: self,
@@ -81,6 +96,7 @@ impl LinearRuns {
             projection,
             weight,
             y: bytemuck::cast_slice(y),
+            first,
             products: bytemuck::cast_slice_mut(products),
         });
     }
@@ -98,17 +114,18 @@ impl LinearRuns {
         })
     }
 
-    /// Hands over where the first and the second ends of all lanes are among the
-    /// coordinates of the blocks, and the laws.
+    /// Hands over the blocks at the first and the second end of the first of all lanes,
+    /// the laws, and the springs.
     #[inline(always)]
-    fn each_lanes(&self, runs: &[Run], mut visit: impl FnMut([usize; 2], Laws<'_>)) {
+    fn each_lanes(&self, runs: &[Run], mut visit: impl FnMut([usize; 2], Laws<'_>, &[u32; LANES])) {
         for (run, slots) in slots(runs) {
             let (stiffnesses, _) = self.stiffnesses[slots.clone()].as_chunks();
-            let (rest_lengths, _) = self.rest_lengths[slots].as_chunks();
-            let mut at = 3 * run.first;
-            for law in stiffnesses.iter().zip(rest_lengths) {
-                visit([at, at + 3 * run.offset], law);
-                at += 3 * LANES;
+            let (rest_lengths, _) = self.rest_lengths[slots.clone()].as_chunks();
+            let (springs, _) = self.springs[slots].as_chunks();
+            let mut block = run.first;
+            for (law, springs) in stiffnesses.iter().zip(rest_lengths).zip(springs) {
+                visit([block, block + run.offset], law, springs);
+                block += LANES;
             }
         }
     }
@@ -119,6 +136,8 @@ struct AddForces<'a> {
     runs: &'a [Run],
     /// Coordinates of one block after the other, as are the forces.
     x: &'a [f64],
+    /// Block of the first force.
+    first: usize,
     forces: &'a mut [f64],
 }
 
@@ -127,10 +146,10 @@ impl WithSimd for AddForces<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        self.numbers.each_lanes(self.runs, |[first, second], law| {
-            let ends = [first, second].map(|at| lanes_at(self.x, at));
+        self.numbers.each_lanes(self.runs, |at, law, _| {
+            let ends = at.map(|at| lanes_at(self.x, at));
             let forces = forces_of(simd, ends, law);
-            add_to_ends(self.forces, [first, second], &forces);
+            add_to_ends(self.forces, at.map(|block| block - self.first), &forces);
         });
     }
 }
@@ -147,7 +166,7 @@ impl WithSimd for SumOfEnergies<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> f64 {
         let mut sums = [0.0; LANES];
-        self.numbers.each_lanes(self.runs, |at, law| {
+        self.numbers.each_lanes(self.runs, |at, law, _| {
             let ends = at.map(|at| lanes_at(self.x, at));
             let energies = energies_of(simd, ends, law);
             for (sum, energy) in sums.iter_mut().zip(&energies) {
@@ -165,6 +184,8 @@ struct AddProducts<'a> {
     projection: Projection,
     weight: f64,
     y: &'a [f64],
+    /// Block of the first product.
+    first: usize,
     products: &'a mut [f64],
 }
 
@@ -174,13 +195,13 @@ impl WithSimd for AddProducts<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let (projection, weight) = (self.projection, self.weight);
-        self.numbers.each_lanes(self.runs, |at, law| {
+        self.numbers.each_lanes(self.runs, |at, law, _| {
             let [x, y] = [self.x, self.y].map(|vectors| at.map(|at| lanes_at(vectors, at)));
             let mut products = products_of(simd, x, law, projection, y);
             for product in &mut products {
                 *product *= weight;
             }
-            add_to_ends(self.products, at, &products);
+            add_to_ends(self.products, at.map(|block| block - self.first), &products);
         });
     }
 }
@@ -193,8 +214,8 @@ type Lanes = [f64; LANES];
 type Laws<'a> = (&'a Lanes, &'a Lanes);
 
 #[inline(always)]
-fn lanes_at(vectors: &[f64], at: usize) -> &Ends {
-    let lanes = &vectors[at..at + 3 * LANES];
+fn lanes_at(vectors: &[f64], block: usize) -> &Ends {
+    let lanes = &vectors[3 * block..3 * block + 3 * LANES];
     lanes.try_into().expect("as many as there are")
 }
 
@@ -203,11 +224,11 @@ fn lanes_at(vectors: &[f64], at: usize) -> &Ends {
 fn add_to_ends(sums: &mut [f64], [first, second]: [usize; 2], values: &Ends) {
     // The second end first: with an offset below the number of lanes, a block is the
     // second end of an earlier spring than it is the first of.
-    let (_, on_second) = sums.split_at_mut(second);
+    let (_, on_second) = sums.split_at_mut(3 * second);
     for (sum, value) in on_second[..3 * LANES].iter_mut().zip(values) {
         *sum -= value;
     }
-    let (_, on_first) = sums.split_at_mut(first);
+    let (_, on_first) = sums.split_at_mut(3 * first);
     for (sum, value) in on_first[..3 * LANES].iter_mut().zip(values) {
         *sum += value;
     }
@@ -237,7 +258,7 @@ fn forces_of<S: Simd>(simd: S, x: [&Ends; 2], laws: Laws<'_>) -> Ends {
     let mut forces = differences(x);
     let squares = dots(&forces, &forces);
     let mut per_lengths = [0.0; LANES];
-    if !divide(simd, &squares, laws, &mut per_lengths) {
+    if !divide(simd, &squares, laws, &mut per_lengths, None) {
         return forces_one_by_one(x, laws);
     }
     for c in 0..LANES {
@@ -249,13 +270,16 @@ fn forces_of<S: Simd>(simd: S, x: [&Ends; 2], laws: Laws<'_>) -> Ends {
 }
 
 /// Tensions over lengths, in N/m; says whether all lengths are safe to be taken from
-/// their squares and all results are finite.
+/// their squares and all results are finite. If the inverses of lengths are wanted, too, in
+/// 1/m, tensions are multiplied by them: as [`spring::linearize`] does, and not
+/// [`spring::force`].
 #[inline(always)]
 fn divide<S: Simd>(
     simd: S,
     squares: &Lanes,
     (stiffnesses, rest_lengths): Laws<'_>,
     per_lengths: &mut Lanes,
+    mut inverses: Option<&mut Lanes>,
 ) -> bool {
     let one = simd.splat_f64s(1.0);
     let (mut least, mut most, mut odd) = (one, one, simd.splat_f64s(0.0));
@@ -263,11 +287,21 @@ fn divide<S: Simd>(
     let (stiffnesses, _) = S::as_simd_f64s(stiffnesses);
     let (rest_lengths, _) = S::as_simd_f64s(rest_lengths);
     let (per_lengths, _) = S::as_mut_simd_f64s(per_lengths);
+    let mut inverses = inverses
+        .as_mut()
+        .map(|inverses| S::as_mut_simd_f64s(*inverses).0);
     let laws = stiffnesses.iter().zip(rest_lengths);
-    for (per_length, (&square, (&k, &l0))) in per_lengths.iter_mut().zip(squares.iter().zip(laws)) {
+    let lanes = per_lengths.iter_mut().zip(squares.iter().zip(laws));
+    for (lane, (per_length, (&square, (&k, &l0)))) in lanes.enumerate() {
         let length = simd.sqrt_f64s(square);
         let tension = simd.mul_f64s(k, simd.sub_f64s(length, l0));
-        *per_length = simd.div_f64s(tension, length);
+        *per_length = match &mut inverses {
+            None => simd.div_f64s(tension, length),
+            Some(inverses) => {
+                inverses[lane] = simd.div_f64s(one, length);
+                simd.mul_f64s(tension, inverses[lane])
+            }
+        };
         least = simd.min_f64s(least, square);
         most = simd.max_f64s(most, square);
         // Zero, unless it is infinite or not a number.
@@ -319,7 +353,7 @@ fn energies_of<S: Simd>(simd: S, x: [&Ends; 2], laws: Laws<'_>) -> Lanes {
     let squares = dots(&dx, &dx);
     let mut per_lengths = [0.0; LANES];
     let mut energies = [0.0; LANES];
-    if divide(simd, &squares, laws, &mut per_lengths) {
+    if divide(simd, &squares, laws, &mut per_lengths, None) {
         let (stiffnesses, rest_lengths) = laws;
         let lengths = squares.map(f64::sqrt);
         for c in 0..LANES {
@@ -348,7 +382,7 @@ fn products_of<S: Simd>(
     let dy = differences([second, first]);
     let squares = dots(&dx, &dx);
     let mut per_lengths = [0.0; LANES];
-    if !divide(simd, &squares, laws, &mut per_lengths) {
+    if !divide(simd, &squares, laws, &mut per_lengths, None) {
         return products_one_by_one(x, laws, projection, &dy);
     }
     let (stiffnesses, _) = laws;
@@ -387,10 +421,10 @@ mod tests {
     use springs_math::spring::Spring;
 
     /// Numbers in [0, 1) that look random.
-    struct Dice(u64);
+    pub(super) struct Dice(pub(super) u64);
 
     impl Dice {
-        fn roll(&mut self) -> f64 {
+        pub(super) fn roll(&mut self) -> f64 {
             self.0 = self
                 .0
                 .wrapping_mul(6_364_136_223_846_793_005)
@@ -401,7 +435,7 @@ mod tests {
 
     /// A net of 30 by 40 nodes with springs to neighbours at all of these distances, some
     /// left out, in any order and direction.
-    fn net(dice: &mut Dice) -> Vec<SpringBetween<Spring>> {
+    pub(super) fn net(dice: &mut Dice) -> Vec<SpringBetween<Spring>> {
         let mut springs = Vec::new();
         for offset in [1, 2, 7, 8, 29, 30, 31, 60] {
             for node in 0..1200 - offset {

@@ -97,28 +97,25 @@ impl OffDiagonal {
     }
 }
 
-/// Blocks off the diagonal that symmetric ones can be added to.
-pub(crate) trait PairBlocks {
+/// A block off the diagonal that symmetric ones can be added to.
+pub(crate) trait PairBlock: Send {
     /// Subtracts a packed block at both places of a pair.
-    fn subtract_symmetric(&mut self, pair: u32, block: &[f64; 6]);
+    fn subtract_symmetric(&mut self, block: &[f64; 6]);
 }
 
-impl PairBlocks for Vec<[f64; 6]> {
+impl PairBlock for [f64; 6] {
     #[inline(always)]
-    fn subtract_symmetric(&mut self, pair: u32, block: &[f64; 6]) {
-        for (entry, value) in self[pair as usize].iter_mut().zip(block) {
+    fn subtract_symmetric(&mut self, block: &[f64; 6]) {
+        for (entry, value) in self.iter_mut().zip(block) {
             *entry -= value;
         }
     }
 }
 
-impl PairBlocks for Vec<[f64; 9]> {
+impl PairBlock for [f64; 9] {
     #[inline(always)]
-    fn subtract_symmetric(&mut self, pair: u32, block: &[f64; 6]) {
-        for (entry, packed) in self[pair as usize]
-            .iter_mut()
-            .zip([0, 1, 2, 1, 3, 4, 2, 4, 5])
-        {
+    fn subtract_symmetric(&mut self, block: &[f64; 6]) {
+        for (entry, packed) in self.iter_mut().zip([0, 1, 2, 1, 3, 4, 2, 4, 5]) {
             *entry -= block[packed];
         }
     }

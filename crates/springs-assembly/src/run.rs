@@ -15,6 +15,8 @@ pub(crate) struct Run {
     pub(crate) offset: usize,
     /// A multiple of [`LANES`]; the blocks of all of them are free ones.
     pub(crate) n_slots: usize,
+    /// Slots of the runs before it.
+    pub(crate) first_slot: usize,
 }
 
 /// Slots that are worked off at once.
@@ -22,7 +24,7 @@ pub(crate) const LANES: usize = 8;
 
 /// Runs end at multiples of so many first blocks, so that those of one stretch of
 /// blocks follow one another while the vectors are in the cache.
-const STRETCH: u32 = 1024;
+pub(crate) const STRETCH: u32 = 1024;
 
 /// Most slots without a connection between two with one.
 const WIDEST_GAP: u32 = 4;
@@ -33,18 +35,23 @@ pub(crate) fn key(&[first, second]: &[u32; 2]) -> (u32, u32, u32) {
 }
 
 /// Brings those interior connections that form runs to the front of an order that is
-/// sorted by [`key`].
-pub(crate) fn bring_to_front(order: &mut [usize], ends: &[[u32; 2]], n_free: usize) -> Vec<Run> {
+/// sorted by [`key`]. Slots of a run that begins at a block end before `end_of` it.
+pub(crate) fn bring_to_front(
+    order: &mut [usize],
+    ends: &[[u32; 2]],
+    end_of: impl Fn(usize) -> usize,
+) -> Vec<Run> {
     let goes_on = |&before: &usize, &next: &usize| {
         let (before, next) = (key(&ends[before]), key(&ends[next]));
         let gap = next.2.checked_sub(before.2 + 1);
         (before.0, before.1) == (next.0, next.1) && gap.is_some_and(|gap| gap <= WIDEST_GAP)
     };
-    let mut runs = Vec::new();
+    let mut runs: Vec<Run> = Vec::new();
     let (mut inside, mut outside) = (Vec::with_capacity(order.len()), Vec::new());
     for together in order.chunk_by(goes_on) {
         let begin = inside.len();
-        let n_inside = match run_of(together, begin, ends, n_free) {
+        let first_slot = runs.last().map_or(0, |run| run.first_slot + run.n_slots);
+        let n_inside = match run_of(together, (begin, first_slot), ends, &end_of) {
             Some(run) => {
                 let n_inside = run.connections.len();
                 runs.push(run);
@@ -61,12 +68,17 @@ pub(crate) fn bring_to_front(order: &mut [usize], ends: &[[u32; 2]], n_free: usi
 }
 
 /// A run of as many of these as find room, if most of its slots are taken.
-fn run_of(together: &[usize], begin: usize, ends: &[[u32; 2]], n_free: usize) -> Option<Run> {
+fn run_of(
+    together: &[usize],
+    (begin, first_slot): (usize, usize),
+    ends: &[[u32; 2]],
+    end_of: &impl Fn(usize) -> usize,
+) -> Option<Run> {
     let first_of = |connection: usize| ends[connection][0] as usize;
     let [first, second] = ends[together[0]].map(|block| block as usize);
     let n_wanted = first_of(together[together.len() - 1]) + 1 - first;
     let n_rounded = n_wanted.next_multiple_of(LANES);
-    let n_slots = if second + n_rounded <= n_free {
+    let n_slots = if second + n_rounded <= end_of(first) {
         n_rounded
     } else {
         n_wanted / LANES * LANES
@@ -77,6 +89,7 @@ fn run_of(together: &[usize], begin: usize, ends: &[[u32; 2]], n_free: usize) ->
         first,
         offset: second - first,
         n_slots,
+        first_slot,
     })
 }
 
@@ -87,7 +100,7 @@ mod tests {
     fn runs_of(mut ends: Vec<[u32; 2]>, n_free: usize) -> (Vec<[u32; 2]>, Vec<Run>) {
         ends.sort_by_key(key);
         let mut order: Vec<usize> = (0..ends.len()).collect();
-        let runs = bring_to_front(&mut order, &ends, n_free);
+        let runs = bring_to_front(&mut order, &ends, |_| n_free);
         (order.iter().map(|&index| ends[index]).collect(), runs)
     }
 

@@ -2,8 +2,9 @@
 
 use crate::anchor_works::share_out;
 use crate::connections::Connections;
-use crate::linear_runs::LinearRuns;
-use crate::matrix::{OffDiagonal, PairBlocks, times};
+use crate::linear_runs::{LinearRuns, RunSums};
+use crate::matrix::{OffDiagonal, PairBlock, times};
+use crate::segments::Segment;
 use crate::{
     BrokenSpring, Emitter, Evaluation, Linearization, MemoryUpdate, Nature, Notable, Numbering,
     Projection, SpringNumbers, StiffnessKind, Strained,
@@ -87,9 +88,9 @@ impl<L: LengthLaw + Clone> Springs<L> {
         }
     }
 
-    /// What is worked off along runs, if that may be, and the other springs with a free end.
-    fn work_off(&self, along_runs: bool) -> (Option<&LinearRuns>, Range<usize>) {
-        let numbers = self.linear_runs.as_ref().filter(|_| along_runs);
+    /// What is worked off along runs, and the other springs with a free end.
+    fn work_off(&self) -> (Option<&LinearRuns>, Range<usize>) {
+        let numbers = self.linear_runs.as_ref();
         let one_by_one = if numbers.is_some() {
             self.connections.outside_runs()
         } else {
@@ -162,36 +163,49 @@ impl<L: LengthLaw + Clone> Springs<L> {
         .1
     }
 
-    fn linearize_into<P: PairBlocks>(&self, at: &Evaluation<'_>, mut sum: Sums<'_, P>) {
+    fn linearize_into<P: PairBlock>(&self, at: &Evaluation<'_>, mut sum: Sums<'_, P>) {
         let is_isotropic = self.stiffness == StiffnessKind::Isotropic;
         if is_isotropic && at.projection != Projection::Drop && at.carried.is_none() {
             return self.linearize_isotropic(at, &mut sum);
+        }
+        let (along_runs, one_by_one) = self.work_off();
+        if let Some(numbers) = along_runs {
+            let sums = RunSums {
+                forces: bytemuck::cast_slice_mut(sum.forces),
+                diagonal: sum.diagonal.as_flattened_mut(),
+                pairs: sum.pairs,
+            };
+            let connections = &self.connections;
+            numbers.linearize((connections.runs(), connections.pairs()), at, sums);
         }
         if at.projected.is_some() {
             let project = |index: usize, across: f64| {
                 let projection = at.projection_at(self.connections.free_ends(index));
                 projection.apply(across)
             };
-            return self.linearize_with(project, at, &mut sum);
+            return self.linearize_with(one_by_one, project, at, &mut sum);
         }
         // One loop for each, without a choice inside.
         use Projection::{Absolute, Clamp, Drop, None};
         match at.projection {
-            None => self.linearize_with(|_, across| None.apply(across), at, &mut sum),
-            Clamp => self.linearize_with(|_, across| Clamp.apply(across), at, &mut sum),
-            Absolute => self.linearize_with(|_, across| Absolute.apply(across), at, &mut sum),
-            Drop => self.linearize_with(|_, across| Drop.apply(across), at, &mut sum),
+            None => self.linearize_with(one_by_one, |_, across| None.apply(across), at, &mut sum),
+            Clamp => self.linearize_with(one_by_one, |_, across| Clamp.apply(across), at, &mut sum),
+            Absolute => {
+                self.linearize_with(one_by_one, |_, across| Absolute.apply(across), at, &mut sum)
+            }
+            Drop => self.linearize_with(one_by_one, |_, across| Drop.apply(across), at, &mut sum),
         }
     }
 
-    fn linearize_with<P: PairBlocks>(
+    fn linearize_with<P: PairBlock>(
         &self,
+        springs: Range<usize>,
         project: impl Fn(usize, f64) -> f64 + Copy,
         at: &Evaluation<'_>,
         sum: &mut Sums<'_, P>,
     ) {
         let weight = at.weights.stiffness;
-        for index in self.connections.live() {
+        for index in springs {
             let dx = self.connections.difference(index, at.x);
             let (force, block) = spring::linearize(
                 &self.laws[index],
@@ -205,7 +219,7 @@ impl<L: LengthLaw + Clone> Springs<L> {
     }
 
     /// Forces, and the block K·I of every spring, whatever its state.
-    fn linearize_isotropic<P: PairBlocks>(&self, at: &Evaluation<'_>, sum: &mut Sums<'_, P>) {
+    fn linearize_isotropic<P: PairBlock>(&self, at: &Evaluation<'_>, sum: &mut Sums<'_, P>) {
         let weight = at.weights.stiffness;
         for index in self.connections.live() {
             let force = self.force(index, at.x);
@@ -216,7 +230,7 @@ impl<L: LengthLaw + Clone> Springs<L> {
     }
 
     #[inline(always)]
-    fn add_linearized<P: PairBlocks>(
+    fn add_linearized<P: PairBlock>(
         &self,
         index: usize,
         force: Vector3<f64>,
@@ -225,7 +239,7 @@ impl<L: LengthLaw + Clone> Springs<L> {
         sum: &mut Sums<'_, P>,
     ) {
         let connections = &self.connections;
-        connections.add_force(index, force, sum.forces);
+        connections.add_force(index, force, (0, &mut *sum.forces));
         if index < connections.interior().end {
             connections.add_block(index, block, sum.diagonal, sum.pairs);
         } else {
@@ -239,7 +253,7 @@ struct Sums<'a, P> {
     forces: &'a mut [Vector3<f64>],
     diagonal: &'a mut [[f64; 6]],
     anchor_load: &'a mut [Vector3<f64>],
-    pairs: &'a mut P,
+    pairs: &'a mut [P],
 }
 
 #[cfg(test)]
@@ -250,6 +264,10 @@ impl<L> Springs<L> {
             linear_runs: None,
             ..self
         }
+    }
+
+    pub(crate) fn connections(&self) -> &Connections {
+        &self.connections
     }
 
     /// The other ends of all springs at a block.
@@ -341,21 +359,31 @@ impl<L: LengthLaw + Clone + Send + Sync> Emitter for Springs<L> {
 
     fn energy_on_free_blocks(&self, x: &[Vector3<f64>]) -> f64 {
         let runs = self.connections.runs();
-        let (along_runs, one_by_one) = self.work_off(true);
-        let along_runs = along_runs.map_or(0.0, |numbers| numbers.energy(runs, x));
-        let one_by_one = one_by_one.map(|index| self.energy_of(index, x));
-        along_runs + one_by_one.sum::<f64>()
+        self.connections.segments().sum(|segment| {
+            let numbers = self.linear_runs.as_ref();
+            let runs = &runs[segment.runs.clone()];
+            let along_runs = numbers.map_or(0.0, |numbers| numbers.energy(runs, x));
+            let one_by_one = segment.live(numbers.is_some()).into_iter().flatten();
+            along_runs
+                + one_by_one
+                    .map(|index| self.energy_of(index, x))
+                    .sum::<f64>()
+        })
     }
 
     fn add_forces(&self, x: &[Vector3<f64>], forces: &mut [Vector3<f64>]) {
-        let (along_runs, one_by_one) = self.work_off(true);
-        if let Some(numbers) = along_runs {
-            numbers.add_forces(self.connections.runs(), x, forces);
-        }
-        for index in one_by_one {
-            self.connections
-                .add_force(index, self.force(index, x), forces);
-        }
+        let runs = self.connections.runs();
+        let work = |segment: &Segment, first: usize, forces: &mut [Vector3<f64>]| {
+            let numbers = self.linear_runs.as_ref();
+            if let Some(numbers) = numbers {
+                numbers.add_forces(&runs[segment.runs.clone()], x, (first, forces));
+            }
+            for index in segment.live(numbers.is_some()).into_iter().flatten() {
+                let force = self.force(index, x);
+                self.connections.add_force(index, force, (first, forces));
+            }
+        };
+        self.connections.segments().add_up(forces, work);
     }
 
     fn linearize(&self, at: &Evaluation<'_>, out: &mut Linearization) {
@@ -389,16 +417,20 @@ impl<L: LengthLaw + Clone + Send + Sync> Emitter for Springs<L> {
 
     fn add_products(&self, at: &Evaluation<'_>, y: &[Vector3<f64>], products: &mut [Vector3<f64>]) {
         let is_plain = at.carried.is_none() && at.projected.is_none();
-        let (along_runs, one_by_one) = self.work_off(is_plain);
-        if let Some(numbers) = along_runs {
-            let factors = (at.projection, at.weights.stiffness);
-            numbers.add_products(self.connections.runs(), at.x, factors, y, products);
-        }
-        for index in one_by_one {
-            let block = self.block(index, at);
-            self.connections
-                .add_product(index, &block, at.weights.stiffness, y, products);
-        }
+        let (runs, weight) = (self.connections.runs(), at.weights.stiffness);
+        let work = |segment: &Segment, first: usize, products: &mut [Vector3<f64>]| {
+            let numbers = self.linear_runs.as_ref().filter(|_| is_plain);
+            if let Some(numbers) = numbers {
+                let (runs, factors) = (&runs[segment.runs.clone()], (at.projection, weight));
+                numbers.add_products(runs, at.x, factors, y, (first, products));
+            }
+            for index in segment.live(numbers.is_some()).into_iter().flatten() {
+                let (block, products) = (self.block(index, at), (first, &mut *products));
+                self.connections
+                    .add_product(index, &block, weight, y, products);
+            }
+        };
+        self.connections.segments().add_up(products, work);
     }
 
     fn add_stiffness_bounds(&self, bounds: &mut [f64]) {

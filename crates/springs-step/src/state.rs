@@ -1,6 +1,7 @@
 //! Positions and velocities, in the order of the scene and of the unknowns.
 
 use crate::Archive;
+use crate::vectors::copy;
 use nalgebra::Vector3;
 use springs_assembly::System;
 use springs_scene::Scene;
@@ -87,8 +88,8 @@ impl State {
     /// Becomes a copy of another state of the same system, without allocating.
     pub(crate) fn copy_from(&mut self, other: &Self) {
         self.time = other.time;
-        self.x.copy_from_slice(&other.x);
-        self.v.copy_from_slice(&other.v);
+        copy(&other.x, &mut self.x);
+        copy(&other.v, &mut self.v);
     }
 
     /// Collects the nodes into the global vectors; says whether anything

@@ -1,14 +1,34 @@
 //! Passes of explicit methods over all free blocks.
 
-use crate::vectors::{WIDTH, numbers_mut};
+use crate::vectors::{WIDTH, numbers_mut, piece_of, shared_piece_of};
 use nalgebra::Vector3;
 use pulp::{Arch, Simd, WithSimd};
+use springs_threads::share_out;
 
 /// Blocks that are worked off at once.
 const LANES: usize = WIDTH / 3;
 
 /// Adds a·`kick` to the velocities, and then v·`drift` to the positions.
 pub(super) fn kick_and_drift(
+    a: &[Vector3<f64>],
+    kick: f64,
+    v: &mut [Vector3<f64>],
+    drift: f64,
+    x: &mut [Vector3<f64>],
+) {
+    // As many as there are free blocks.
+    let n_free = a.len();
+    let (v, x) = (&mut v[..n_free], &mut x[..n_free]);
+    let Some(piece) = shared_piece_of(n_free) else {
+        return kick_and_drift_at_once(a, kick, v, drift, x);
+    };
+    let states = v.chunks_mut(piece).zip(x.chunks_mut(piece));
+    share_out(a.chunks(piece).zip(states).collect(), |(a, (v, x))| {
+        kick_and_drift_at_once(a, kick, v, drift, x);
+    });
+}
+
+fn kick_and_drift_at_once(
     a: &[Vector3<f64>],
     kick: f64,
     v: &mut [Vector3<f64>],
@@ -39,16 +59,28 @@ pub(super) fn last_kick(
 ) -> Option<f64> {
     // As many as there are free blocks.
     let n_free = a.len();
-    let (a, v) = (bytemuck::cast_slice(a), numbers_mut(&mut v[..n_free]));
-    let x: &[f64] = bytemuck::cast_slice(x);
-    let (free, fixed) = x.split_at(3 * n_free);
-    let [twice, squares] = Arch::new().dispatch(LastKick {
-        a,
-        kick,
-        v,
-        x: free,
-        masses,
-    });
+    let (free, fixed) = x.split_at(n_free);
+    let v = &mut v[..n_free];
+    let work = |((a, v), (x, masses)): ((&[_], &mut [_]), (&[_], &[f64]))| {
+        Arch::new().dispatch(LastKick {
+            a: bytemuck::cast_slice::<Vector3<f64>, f64>(a),
+            kick,
+            v: numbers_mut(v),
+            x: bytemuck::cast_slice::<Vector3<f64>, f64>(x),
+            masses,
+        })
+    };
+    let [twice, squares] = match piece_of(n_free) {
+        None => work(((a, v), (free, masses))),
+        Some(piece) => {
+            let kicked = a.chunks(piece).zip(v.chunks_mut(piece));
+            let others = free.chunks(piece).zip(masses.chunks(piece));
+            let sums = share_out(kicked.zip(others).collect(), work);
+            let add = |[a, b]: [f64; 2], [c, d]: [f64; 2]| [a + c, b + d];
+            sums.into_iter().fold([0.0; 2], add)
+        }
+    };
+    let fixed: &[f64] = bytemuck::cast_slice(fixed);
     let squares = fixed.iter().fold(squares, |sum, x| sum + x * x);
     let kinetic = 0.5 * twice;
     (squares.is_finite() && kinetic.is_finite()).then_some(kinetic)

@@ -222,7 +222,8 @@ impl Simulation {
         dense_output: DenseOutput,
     ) -> Result<Self, SetupError> {
         let duration = scene.settings.duration;
-        let stepper = Stepper::with_method(system, start.method);
+        let options = &start.choice.options;
+        let stepper = Stepper::with_method(system, start.method).on_threads_of(options);
         let nodes = NodeStates::of(scene);
         let work = stepper.method().setup();
         let books = Books::open(stepper.system(), stepper.state());

@@ -1,6 +1,7 @@
 //! Single steps: gather, step, copy back.
 
 use crate::control::choose::start;
+use crate::threads::threads;
 use crate::vectors::largest;
 use crate::{
     Anchors, Archive, Cause, ErrorEstimate, Flows, Interval, Method, NodeStates, SetupError, State,
@@ -10,6 +11,7 @@ use nalgebra::Vector3;
 use springs_assembly::{Compilation, MemoryUpdate, System, compile_with};
 use springs_scene::{self as scene, RunOptions, Scene, StepControl};
 use springs_solver::Interrupt;
+use springs_threads::with_threads;
 
 /// A compiled scene with a method that advances it.
 pub struct Stepper {
@@ -25,7 +27,13 @@ pub struct Stepper {
     /// After the last attempt, in J.
     kinetic_energy: f64,
     keeps_tensions: bool,
+    /// That steps are made on.
+    threads: usize,
 }
+
+/// Steps of systems with fewer terms are made by the calling thread: to hand them over
+/// would take longer.
+const FEW_TERMS: usize = 30_000;
 
 /// Where a stepper was.
 pub(crate) struct Bookmark {
@@ -86,7 +94,7 @@ impl Stepper {
         }
         let system = compile_with(scene, Compilation::complete())?;
         let method = start(scene, (&settings, options), &system)?.method;
-        Ok(Self::with_method(system, method))
+        Ok(Self::with_method(system, method).on_threads_of(options))
     }
 
     /// A compiled scene with any method, for example one's own. Where
@@ -104,6 +112,7 @@ impl Stepper {
             steps: 0,
             kinetic_energy: 0.0,
             keeps_tensions: false,
+            threads: 1,
             system,
             method,
             before: state.clone(),
@@ -114,6 +123,15 @@ impl Stepper {
             stepper.keep_tensions();
         }
         stepper
+    }
+
+    /// The same with steps on so many threads as the options say.
+    pub(crate) fn on_threads_of(self, options: &RunOptions) -> Self {
+        let is_small = self.system.n_terms() < FEW_TERMS;
+        Self {
+            threads: if is_small { 1 } else { threads(options) },
+            ..self
+        }
     }
 
     /// Time since the start, in s.
@@ -270,10 +288,12 @@ impl Stepper {
         interval: Interval,
         work: &mut Work,
     ) -> Result<Option<ErrorEstimate>, StepError> {
-        self.before.copy_from(&self.state);
-        let made = self
-            .method
-            .step(&self.system, &self.anchors, interval, &mut self.state, work);
+        let made = with_threads(self.threads, || {
+            self.before.copy_from(&self.state);
+            let (system, anchors) = (&self.system, &self.anchors);
+            self.method
+                .step(system, anchors, interval, &mut self.state, work)
+        });
         let failure = match made {
             Err(error) => Some((Cause::from(error), error.block())),
             Ok(_) => self.find_overflow(),
