@@ -3,6 +3,7 @@
 //! row, N = D².
 
 use crate::Subspace;
+use crate::lanes::Lanes;
 
 /// Where the entry at (row, column) of a symmetric block is packed.
 #[inline(always)]
@@ -140,64 +141,89 @@ impl Rounding {
 /// blocks; longer chains add up more.
 const PIVOT_ROUNDING: f64 = 16.0;
 
-/// L of a packed block B = L Lᵀ, by columns, with inverted diagonal entries;
-/// `None` if a pivot does not exceed what the errors make of it.
+/// L and D of packed blocks B = L D Lᵀ: the entries of the unit lower triangular L by
+/// columns, with the inverse of D on its diagonal; and whether every pivot of a block
+/// exceeds what the errors make of it, without which the numbers are of no use.
 #[inline(always)]
-pub(crate) fn cholesky<const D: usize, const P: usize>(
-    b: &[f64; P],
-    errors: &[f64; D],
-) -> Option<[f64; P]> {
+pub(crate) fn ldlt<const D: usize, const P: usize, const W: usize>(
+    b: &[Lanes<W>; P],
+    errors: &[Lanes<W>; D],
+) -> ([Lanes<W>; P], [bool; W]) {
     let mut l = *b;
+    let mut is_positive = [true; W];
     for column in 0..D {
-        let mut pivot = b[packed::<D>(column, column)];
-        for k in 0..column {
-            pivot -= l[packed::<D>(k, column)] * l[packed::<D>(k, column)];
-        }
+        let pivot = l[packed::<D>(column, column)];
         let mut limit = errors[column];
-        for k in 0..column {
-            let ratio = l[packed::<D>(k, column)] * l[packed::<D>(k, k)];
-            limit += ratio * ratio * errors[k];
-        }
-        // What is not a number does not exceed it either.
-        let is_positive = pivot > limit;
-        if !is_positive {
-            return None;
-        }
-        let inverse = 1.0 / pivot.sqrt();
-        l[packed::<D>(column, column)] = inverse;
-        for row in column + 1..D {
-            let mut entry = b[packed::<D>(column, row)];
-            for k in 0..column {
-                entry -= l[packed::<D>(k, row)] * l[packed::<D>(k, column)];
+        for k in 0..D {
+            if k < column {
+                let entry = l[packed::<D>(k, column)];
+                limit += entry * entry * errors[k];
             }
-            l[packed::<D>(column, row)] = entry * inverse;
+        }
+        for (is_positive, (pivot, limit)) in is_positive.iter_mut().zip(pivot.0.iter().zip(limit.0))
+        {
+            // What is not a number does not exceed it either.
+            *is_positive &= *pivot > limit;
+        }
+        let inverse = pivot.reciprocal();
+        l[packed::<D>(column, column)] = inverse;
+        // Bounds that are the same in every round let the loops be unrolled.
+        for row in 0..D {
+            if row <= column {
+                continue;
+            }
+            let entry = l[packed::<D>(column, row)] * inverse;
+            for k in 0..D {
+                if k >= row {
+                    let other = l[packed::<D>(column, k)];
+                    l[packed::<D>(row, k)] -= entry * other;
+                }
+            }
+            l[packed::<D>(column, row)] = entry;
         }
     }
-    Some(l)
+    (l, is_positive)
 }
 
-/// L⁻¹ b with the L of [`cholesky`].
+/// L⁻¹ b with the L of [`ldlt`].
 #[inline(always)]
-pub(crate) fn forward<const D: usize, const P: usize>(l: &[f64; P], b: [f64; D]) -> [f64; D] {
+pub(crate) fn forward<const D: usize, const P: usize, const W: usize>(
+    l: &[Lanes<W>; P],
+    b: [Lanes<W>; D],
+) -> [Lanes<W>; D] {
     let mut y = b;
-    for row in 0..D {
+    for row in 1..D {
         for k in 0..row {
             y[row] -= l[packed::<D>(k, row)] * y[k];
         }
-        y[row] *= l[packed::<D>(row, row)];
     }
     y
 }
 
-/// L⁻ᵀ y.
+/// D⁻¹ y.
 #[inline(always)]
-pub(crate) fn backward<const D: usize, const P: usize>(l: &[f64; P], y: [f64; D]) -> [f64; D] {
-    let mut x = y;
+pub(crate) fn divide<const D: usize, const P: usize, const W: usize>(
+    l: &[Lanes<W>; P],
+    y: [Lanes<W>; D],
+) -> [Lanes<W>; D] {
+    let mut z = y;
+    for row in 0..D {
+        z[row] = z[row] * l[packed::<D>(row, row)];
+    }
+    z
+}
+
+/// L⁻ᵀ z.
+#[inline(always)]
+pub(crate) fn backward<const D: usize, const P: usize, const W: usize>(
+    l: &[Lanes<W>; P],
+    z: [Lanes<W>; D],
+) -> [Lanes<W>; D] {
+    let mut x = z;
     for row in (0..D).rev() {
-        for k in row + 1..D {
+        for k in (row + 1..D).rev() {
             x[row] -= l[packed::<D>(row, k)] * x[k];
         }
-        x[row] *= l[packed::<D>(row, row)];
     }
     x
 }
@@ -209,13 +235,16 @@ pub(crate) fn invert<const D: usize, const P: usize>(
     rounding: Rounding,
 ) -> Option<[f64; P]> {
     let errors = rounding.diagonal_errors(b);
-    let l = cholesky::<D, P>(b, &errors)?;
+    let (l, [is_positive]) = ldlt::<D, P, 1>(&Lanes::of(&[*b]), &Lanes::of(&[errors]));
+    if !is_positive {
+        return None;
+    }
     let mut inverse = [0.0; P];
     for column in 0..D {
-        let unit = std::array::from_fn(|row| if row == column { 1.0 } else { 0.0 });
-        let x = backward::<D, P>(&l, forward::<D, P>(&l, unit));
+        let unit = std::array::from_fn(|row| Lanes::splat(if row == column { 1.0 } else { 0.0 }));
+        let x = backward::<D, P, 1>(&l, divide(&l, forward(&l, unit)));
         for row in 0..=column {
-            inverse[packed::<D>(row, column)] = x[row];
+            inverse[packed::<D>(row, column)] = x[row].0[0];
         }
     }
     let is_finite = inverse.iter().all(|entry| entry.is_finite());
@@ -238,8 +267,13 @@ mod tests {
         let vector = DVector::from_column_slice(&x);
         near(times::<D, P>(&b, &x), &(&dense * &vector));
         let solution = dense.lu().solve(&vector).unwrap();
-        let l = cholesky::<D, P>(&b, &[0.0; D]).unwrap();
-        near(backward::<D, P>(&l, forward::<D, P>(&l, x)), &solution);
+        // Beside another block, which is not positive definite.
+        let both = Lanes::of(&[b, [f64::NAN; P]]);
+        let (l, is_positive) = ldlt::<D, P, 2>(&both, &[Lanes::splat(0.0); D]);
+        assert_eq!(is_positive, [true, false]);
+        let y = forward::<D, P, 2>(&l, Lanes::of(&[x; 2]));
+        let found = backward::<D, P, 2>(&l, divide(&l, y));
+        near(Lanes::lane(&found, 0), &solution);
         near(
             times::<D, P>(&invert::<D, P>(&b, Rounding::ByEntry).unwrap(), &x),
             &solution,

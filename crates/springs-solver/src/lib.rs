@@ -30,6 +30,7 @@ mod direct;
 mod eigenpairs;
 mod interrupt;
 mod iterative;
+mod lanes;
 mod ordering;
 mod packing;
 mod reduced;
@@ -135,6 +136,17 @@ pub(crate) struct FactorSize {
     pub(crate) entries: f64,
     /// Multiplications and additions.
     pub(crate) flops: f64,
+}
+
+impl FactorSize {
+    /// Adds columns of blocks of the given dimension that have so many blocks each, the
+    /// diagonal included.
+    pub(crate) fn add(&mut self, dimension: usize, columns: usize, blocks: usize) {
+        let (dimension, columns) = (dimension as f64, columns as f64);
+        let height = dimension * blocks as f64;
+        self.entries += columns * dimension * height;
+        self.flops += columns * dimension * height * height;
+    }
 }
 
 /// Why a system could not be solved.

@@ -25,20 +25,30 @@ use crate::ordering::best_elimination;
 use crate::storage::filled;
 use crate::{FactorSize, Interrupt, Options, SolveError};
 
-/// The symbolic factorization P A Pᵀ = L Lᵀ of a pattern, and the factor made
-/// with it, which is allocated when it is first needed.
+/// The symbolic factorization of a pattern, and the factor made with it.
 pub(crate) struct Direct<const D: usize, const P: usize> {
+    kind: Kind<D, P>,
+    n_blocks: usize,
+    rounding: Rounding,
+    size: FactorSize,
+    /// Heard by factorizations.
+    pub(crate) interrupt: Interrupt,
+}
+
+enum Kind<const D: usize, const P: usize> {
+    /// Where there is no fill.
+    Tree(Box<Tree<D, P>>),
+    Fronts(Box<InFronts<D>>),
+}
+
+/// P A Pᵀ = L Lᵀ in fronts.
+struct InFronts<const D: usize> {
     /// Block of the caller at each position of the elimination order.
     order: Vec<usize>,
     fronts: Fronts,
     threads: usize,
-    rounding: Rounding,
-    size: FactorSize,
-    /// In place of all others where there is no fill.
-    tree: Option<Tree<D, P>>,
+    /// Allocated when it is first needed.
     factor: Option<Factor<D>>,
-    /// Heard by factorizations.
-    pub(crate) interrupt: Interrupt,
 }
 
 /// A factor, and a vector in the order of its columns.
@@ -54,22 +64,34 @@ impl<const D: usize, const P: usize> Direct<D, P> {
         pairs: &[[u32; 2]],
         options: Options<'_>,
     ) -> Result<Self, SolveError> {
-        let elimination = best_elimination(n_blocks, pairs, options.positions)?;
-        let fronts = Fronts::new(&elimination);
+        let (kind, size) = match Tree::new(n_blocks, pairs) {
+            Some(tree) => {
+                let size = tree.size();
+                (Kind::Tree(Box::new(tree)), size)
+            }
+            None => {
+                let elimination = best_elimination(n_blocks, pairs, options.positions)?;
+                let size = elimination.size(D);
+                let fronts = InFronts {
+                    fronts: Fronts::new(&elimination),
+                    order: elimination.order,
+                    threads: options.threads,
+                    factor: None,
+                };
+                (Kind::Fronts(Box::new(fronts)), size)
+            }
+        };
         Ok(Self {
-            threads: options.threads,
+            kind,
+            n_blocks,
             rounding: Rounding::of(options.subspace),
-            tree: Tree::new(&elimination),
-            size: elimination.size(D),
-            fronts,
-            order: elimination.order,
-            factor: None,
+            size,
             interrupt: Interrupt::default(),
         })
     }
 
     pub(crate) fn is_tree(&self) -> bool {
-        self.tree.is_some()
+        matches!(self.kind, Kind::Tree(_))
     }
 
     /// As counted on the graph of blocks.
@@ -79,35 +101,18 @@ impl<const D: usize, const P: usize> Direct<D, P> {
 
     /// Memory of the symbolic factorization, in bytes.
     pub(crate) fn symbolic_memory(&self) -> u64 {
-        self.fronts.memory() + (size_of::<usize>() * self.order.len()) as u64
+        match &self.kind {
+            Kind::Tree(tree) => tree.symbolic_memory(),
+            Kind::Fronts(fronts) => fronts.symbolic_memory(),
+        }
     }
 
     /// Memory of the factor and what belongs to it, in bytes; `None` if it cannot
     /// be counted.
     pub(crate) fn factor_memory(&self) -> Option<u64> {
-        if let Some(tree) = &self.tree {
-            return Some(tree.memory());
-        }
-        let factor = Multifrontal::<D>::memory(&self.fronts, self.threads)?;
-        Some(factor + (8 * D * self.n_blocks()) as u64)
-    }
-
-    fn n_blocks(&self) -> usize {
-        self.order.len()
-    }
-
-    fn too_large(&self) -> SolveError {
-        SolveError::TooLarge {
-            n_blocks: self.n_blocks(),
-        }
-    }
-
-    fn no_factor(&self, why: NoFactor) -> SolveError {
-        match why {
-            NoFactor::NotPositive { column } => SolveError::NotPositiveDefinite {
-                block: self.order[column],
-            },
-            NoFactor::Interrupted => SolveError::Interrupted,
+        match &self.kind {
+            Kind::Tree(tree) => Some(tree.factor_memory()),
+            Kind::Fronts(fronts) => fronts.factor_memory(),
         }
     }
 
@@ -116,21 +121,63 @@ impl<const D: usize, const P: usize> Direct<D, P> {
         diagonal: &[[f64; P]],
         off_diagonal: &[[f64; Q]],
     ) -> Result<(), SolveError> {
-        if let Some(tree) = &mut self.tree {
-            let done = tree.factorize(diagonal, off_diagonal, self.rounding);
-            return done.map_err(|why| self.no_factor(why));
+        match &mut self.kind {
+            Kind::Tree(tree) => {
+                let n_blocks = self.n_blocks;
+                tree.allocate().ok_or(SolveError::TooLarge { n_blocks })?;
+                let done = tree.factorize(diagonal, off_diagonal, self.rounding);
+                done.map_err(|block| SolveError::NotPositiveDefinite { block })
+            }
+            Kind::Fronts(fronts) => {
+                let values = Values {
+                    diagonal,
+                    off_diagonal,
+                    rounding: self.rounding,
+                };
+                fronts.factorize(values, &self.interrupt)
+            }
         }
-        let values = Values {
-            diagonal,
-            off_diagonal,
-            rounding: self.rounding,
-        };
+    }
+
+    /// Solves with the last factor; there must have been one.
+    pub(crate) fn solve_in_place(&mut self, x: &mut [[f64; D]]) {
+        match &mut self.kind {
+            Kind::Tree(tree) => tree.solve_in_place(x),
+            Kind::Fronts(fronts) => fronts.solve_in_place(x),
+        }
+    }
+}
+
+impl<const D: usize> InFronts<D> {
+    fn symbolic_memory(&self) -> u64 {
+        self.fronts.memory() + (size_of::<usize>() * self.n_blocks()) as u64
+    }
+
+    fn factor_memory(&self) -> Option<u64> {
+        let factor = Multifrontal::<D>::memory(&self.fronts, self.threads)?;
+        Some(factor + (8 * D * self.n_blocks()) as u64)
+    }
+
+    fn n_blocks(&self) -> usize {
+        self.order.len()
+    }
+
+    fn factorize<const P: usize, const Q: usize>(
+        &mut self,
+        values: Values<'_, P, Q>,
+        interrupt: &Interrupt,
+    ) -> Result<(), SolveError> {
         self.allocate()?;
         let factor = self.factor.as_mut().expect("allocated");
         let done = factor
             .multifrontal
-            .factorize(&self.fronts, values, &self.interrupt);
-        done.map_err(|why| self.no_factor(why))
+            .factorize(&self.fronts, values, interrupt);
+        done.map_err(|why| match why {
+            NoFactor::NotPositive { column } => SolveError::NotPositiveDefinite {
+                block: self.order[column],
+            },
+            NoFactor::Interrupted => SolveError::Interrupted,
+        })
     }
 
     fn allocate(&mut self) -> Result<(), SolveError> {
@@ -141,16 +188,15 @@ impl<const D: usize, const P: usize> Direct<D, P> {
                     permuted: filled(0.0, D * self.n_blocks())?,
                 })
             };
-            self.factor = Some(allocate().ok_or(self.too_large())?);
+            let too_large = SolveError::TooLarge {
+                n_blocks: self.n_blocks(),
+            };
+            self.factor = Some(allocate().ok_or(too_large)?);
         }
         Ok(())
     }
 
-    /// Solves with the last factor; there must have been one.
-    pub(crate) fn solve_in_place(&mut self, x: &mut [[f64; D]]) {
-        if let Some(tree) = &mut self.tree {
-            return tree.solve_in_place(x);
-        }
+    fn solve_in_place(&mut self, x: &mut [[f64; D]]) {
         let factor = self.factor.as_mut().expect("a factor");
         let (permuted, _) = factor.permuted.as_chunks_mut::<D>();
         for (target, &block) in permuted.iter_mut().zip(&self.order) {

@@ -41,11 +41,8 @@ impl Elimination {
     /// Of the factor, with blocks of the given dimension.
     pub(crate) fn size(&self, dimension: usize) -> FactorSize {
         let mut size = FactorSize::default();
-        let dimension = dimension as f64;
         for &blocks in &self.counts {
-            let column = dimension * blocks as f64;
-            size.entries += dimension * column;
-            size.flops += dimension * column * column;
+            size.add(dimension, 1, blocks);
         }
         size
     }
