@@ -154,7 +154,7 @@ impl Segments {
         if let [segment] = &self.0[..] {
             return of(segment);
         }
-        share_out(self.0.iter().collect(), of).into_iter().sum()
+        share_out(self.0.iter(), of).into_iter().sum()
     }
 }
 

@@ -416,7 +416,7 @@ impl System {
             return scale((all, factors));
         }
         let pieces = all.chunks_mut(PIECE).zip(factors.chunks(PIECE));
-        share_out(pieces.collect(), scale);
+        share_out(pieces, scale);
     }
 
     /// Storage for [`Self::linearize`].

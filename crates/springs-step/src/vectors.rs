@@ -37,7 +37,7 @@ pub(crate) fn copy(from: &[Vector3<f64>], to: &mut [Vector3<f64>]) {
     };
     assert_eq!(from.len(), to.len(), "as many vectors");
     let pieces = from.chunks(piece).zip(to.chunks_mut(piece));
-    share_out(pieces.collect(), |(from, to)| to.copy_from_slice(from));
+    share_out(pieces, |(from, to)| to.copy_from_slice(from));
 }
 
 /// Vectors as plain numbers.

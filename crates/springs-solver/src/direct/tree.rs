@@ -162,7 +162,7 @@ impl<const D: usize, const P: usize> Tree<D, P> {
         if threads_here() <= 1 {
             return self.branches.iter_mut().map(work).collect();
         }
-        share_out(self.branches.iter_mut().collect(), work)
+        share_out(self.branches.iter_mut(), work)
     }
 }
 

@@ -23,7 +23,7 @@ pub(super) fn kick_and_drift(
         return kick_and_drift_at_once(a, kick, v, drift, x);
     };
     let states = v.chunks_mut(piece).zip(x.chunks_mut(piece));
-    share_out(a.chunks(piece).zip(states).collect(), |(a, (v, x))| {
+    share_out(a.chunks(piece).zip(states), |(a, (v, x))| {
         kick_and_drift_at_once(a, kick, v, drift, x);
     });
 }
@@ -75,7 +75,7 @@ pub(super) fn last_kick(
         Some(piece) => {
             let kicked = a.chunks(piece).zip(v.chunks_mut(piece));
             let others = free.chunks(piece).zip(masses.chunks(piece));
-            let sums = share_out(kicked.zip(others).collect(), work);
+            let sums = share_out(kicked.zip(others), work);
             let add = |[a, b]: [f64; 2], [c, d]: [f64; 2]| [a + c, b + d];
             sums.into_iter().fold([0.0; 2], add)
         }
