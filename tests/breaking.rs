@@ -510,7 +510,8 @@ fn the_others_keep_their_tensions_when_one_breaks() {
         let late: Vec<f64> = late.collect();
         for (pair, (time, ..)) in late.windows(2).zip(&look.members) {
             let jump = (pair[1] - pair[0]).abs();
-            assert!(jump < 5e-3, "{method} at {time}: {jump}");
+            // By up to 5e-3 N a step, and one rounding of a velocity, K h ε v, is 2e-3 N.
+            assert!(jump < 1e-2, "{method} at {time}: {jump}");
         }
     }
 }

@@ -4,6 +4,7 @@ use crate::Numbering;
 use crate::matrix::{PairBlock, add, times};
 use crate::run::{self, Run};
 use crate::segments::{Lengths, Segments};
+use crate::sums::Sums;
 use nalgebra::Vector3;
 use std::ops::Range;
 
@@ -90,14 +91,10 @@ impl Connections {
         &self.segments
     }
 
-    /// Connections with a free end that are in no run.
-    pub(crate) fn outside_runs(&self) -> Range<usize> {
-        self.runs.last().map_or(0, |run| run.connections.end)..self.anchored
-    }
-
     pub(crate) fn place(&mut self, pairs: &[u32]) {
         assert_eq!(pairs.len(), self.interior, "one pair per interior one");
         self.pairs = pairs.to_vec();
+        self.segments.place(pairs);
     }
 
     /// The pair of the matrix of each interior one.
@@ -124,11 +121,6 @@ impl Connections {
 
     pub(crate) fn ends(&self) -> &[[u32; 2]] {
         &self.ends
-    }
-
-    /// Both ends are free.
-    pub(crate) fn interior(&self) -> Range<usize> {
-        0..self.interior
     }
 
     /// One end is free, the other is fixed.
@@ -211,35 +203,26 @@ impl Connections {
         }
     }
 
-    /// Adds [[B, −B], [−B, B]] of an interior connection.
+    /// Adds [[B, −B], [−B, B]] on the free ends; of an anchored connection also what the
+    /// velocity of its anchor brings to the right-hand side: −(−B)·v.
     #[inline(always)]
-    pub(crate) fn add_block(
-        &self,
-        connection: usize,
-        block: &[f64; 6],
-        diagonal: &mut [[f64; 6]],
-        pairs: &mut [impl PairBlock],
-    ) {
-        let [a, b] = self.ends[connection];
-        add(&mut diagonal[a as usize], block);
-        add(&mut diagonal[b as usize], block);
-        pairs[self.pairs[connection] as usize].subtract_symmetric(block);
-    }
-
-    /// [`Self::add_block`] of an anchored connection, and what the velocity of
-    /// its anchor brings to the right-hand side: −(−B)·v.
-    #[inline(always)]
-    pub(crate) fn add_anchored_block(
+    pub(crate) fn add_block<P: PairBlock>(
         &self,
         connection: usize,
         block: &[f64; 6],
         v: &[Vector3<f64>],
-        diagonal: &mut [[f64; 6]],
-        anchor_load: &mut [Vector3<f64>],
+        sums: &mut Sums<'_, P>,
     ) {
-        let [free, anchor] = self.ends[connection];
-        add(&mut diagonal[free as usize], block);
-        anchor_load[free as usize] += times(block, &v[anchor as usize]);
+        let [a, b] = self.ends[connection].map(|block| block as usize);
+        let first = sums.first_block;
+        add(&mut sums.diagonal[a - first], block);
+        if connection < self.interior {
+            add(&mut sums.diagonal[b - first], block);
+            let pair = self.pairs[connection] as usize - sums.first_pair;
+            sums.pairs[pair].subtract_symmetric(block);
+        } else {
+            sums.anchor_load[a - first] += times(block, &v[b]);
+        }
     }
 
     /// Adds weight·[[B, −B], [−B, B]] y on the free ends; fixed ends do not move. The

@@ -2,8 +2,9 @@
 
 use crate::anchor_works::share_out;
 use crate::connections::Connections;
-use crate::matrix::{OffDiagonal, PairBlock};
-use crate::segments::Segment;
+use crate::matrix::PairBlock;
+use crate::segments::{Segment, Segments};
+use crate::sums::{Linearized, Sums};
 use crate::{
     Emitter, Evaluation, Linearization, Nature, Numbering, PACKED, SpringNumbers, StiffnessKind,
 };
@@ -131,16 +132,24 @@ impl Dashpots {
         };
         (0..PIECES).map(heat).sum()
     }
+}
 
-    fn add_interior(
-        &self,
-        at: &Evaluation<'_>,
-        diagonal: &mut [[f64; 6]],
-        pairs: &mut [impl PairBlock],
-    ) {
-        for index in self.connections.interior() {
-            let block = self.block(index, at);
-            self.connections.add_block(index, &block, diagonal, pairs);
+/// Dashpots as linearized at some state.
+struct At<'a> {
+    dashpots: &'a Dashpots,
+    at: &'a Evaluation<'a>,
+}
+
+impl Linearized for At<'_> {
+    fn segments(&self) -> &Segments {
+        self.dashpots.connections.segments()
+    }
+
+    fn add_to<P: PairBlock>(&self, segment: &Segment, sums: &mut Sums<'_, P>) {
+        let Self { dashpots, at } = *self;
+        for index in segment.live(false).into_iter().flatten() {
+            let block = dashpots.block(index, at);
+            dashpots.connections.add_block(index, &block, at.v, sums);
         }
     }
 }
@@ -247,17 +256,7 @@ impl Emitter for Dashpots {
     }
 
     fn linearize(&self, at: &Evaluation<'_>, out: &mut Linearization) {
-        let matrix = &mut out.matrix;
-        match &mut matrix.off_diagonal {
-            OffDiagonal::Symmetric(pairs) => self.add_interior(at, &mut matrix.diagonal, pairs),
-            OffDiagonal::General(pairs) => self.add_interior(at, &mut matrix.diagonal, pairs),
-        }
-        for index in self.connections.anchored() {
-            let block = self.block(index, at);
-            let (diagonal, load) = (&mut matrix.diagonal, &mut out.anchor_load);
-            self.connections
-                .add_anchored_block(index, &block, at.v, diagonal, load);
-        }
+        out.add(&At { dashpots: self, at });
     }
 
     fn add_products(&self, at: &Evaluation<'_>, y: &[Vector3<f64>], products: &mut [Vector3<f64>]) {

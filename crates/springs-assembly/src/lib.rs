@@ -50,6 +50,7 @@ mod prescribed;
 mod run;
 mod segments;
 mod springs;
+mod sums;
 mod system;
 mod terms;
 

@@ -2,8 +2,6 @@
 
 mod linearization;
 
-pub(crate) use self::linearization::RunSums;
-
 use crate::Projection;
 use crate::matrix::times;
 use crate::run::{LANES, Run};

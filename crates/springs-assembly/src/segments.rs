@@ -1,6 +1,7 @@
 //! Connections in segments that several threads can work off at once.
 
 use crate::run::{Run, STRETCH};
+use crate::sums::Parts;
 use nalgebra::Vector3;
 use springs_threads::{share_out, threads_here};
 use std::ops::Range;
@@ -10,6 +11,8 @@ use std::ops::Range;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Segment {
     first_block: usize,
+    /// Of the matrix; once the connections have theirs.
+    first_pair: usize,
     /// In the list of runs.
     pub(crate) runs: Range<usize>,
     /// Connections in runs, other interior ones, anchored ones.
@@ -79,6 +82,15 @@ impl Lengths {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Segments(Vec<Segment>);
 
+/// Segments that may be worked off one after the other, or at once.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Phase {
+    /// All, one after the other.
+    All,
+    Even,
+    Odd,
+}
+
 impl Segments {
     /// Of connections with these first ends, which are sorted by stretches of blocks: first
     /// those in runs, then up to `interior`, then up to `anchored`.
@@ -102,6 +114,7 @@ impl Segments {
             let run_at = |block: usize| runs.partition_point(|run| run.first < block);
             Segment {
                 first_block: begin,
+                first_pair: 0,
                 runs: run_at(blocks.start)..run_at(blocks.end),
                 connections: [
                     within(0, in_runs, &blocks),
@@ -113,6 +126,18 @@ impl Segments {
         Self(segments.collect())
     }
 
+    /// Takes the pair of the matrix of each interior connection. Pairs are in the order of
+    /// their first blocks.
+    pub(crate) fn place(&mut self, pairs: &[u32]) {
+        let mut next = pairs.iter().max().map_or(0, |&last| last as usize + 1);
+        for segment in self.0.iter_mut().rev() {
+            let [in_runs, outside, _] = segment.connections.clone();
+            let own = in_runs.chain(outside).map(|index| pairs[index] as usize);
+            next = own.fold(next, usize::min);
+            segment.first_pair = next;
+        }
+    }
+
     /// Does `work` on every segment; it is given sums of the blocks from one on, which are
     /// all that the segment touches.
     pub(crate) fn add_up(
@@ -120,33 +145,53 @@ impl Segments {
         sums: &mut [Vector3<f64>],
         work: impl Fn(&Segment, usize, &mut [Vector3<f64>]) + Send + Sync,
     ) {
-        let n = self.0.len();
-        if n <= 1 || threads_here() <= 1 {
-            // 0, 2, 1, 4, 3, …: each after the even ones beside it.
-            for even in (0..=n).step_by(2) {
-                let odd = even.checked_sub(1);
-                for index in [Some(even), odd].into_iter().flatten() {
-                    if let Some(segment) = self.0.get(index) {
-                        work(segment, 0, sums);
+        for &phase in self.phases() {
+            self.work_off(phase, (0, &mut *sums), |segment, (first, sums)| {
+                work(segment, *first, sums);
+            });
+        }
+    }
+
+    /// What is to be [worked off](Self::work_off) in turn.
+    pub(crate) fn phases(&self) -> &'static [Phase] {
+        if self.0.len() <= 1 || threads_here() <= 1 {
+            &[Phase::All]
+        } else {
+            &[Phase::Even, Phase::Odd]
+        }
+    }
+
+    /// Does `work` on the segments of a phase; it is given parts of sums that have all that
+    /// the segment touches.
+    pub(crate) fn work_off<S: Parts>(
+        &self,
+        phase: Phase,
+        mut sums: S,
+        work: impl Fn(&Segment, &mut S) + Send + Sync,
+    ) {
+        let parity = match phase {
+            Phase::All => {
+                // 0, 2, 1, 4, 3, …: each after the even ones beside it.
+                for even in (0..=self.0.len()).step_by(2) {
+                    let odd = even.checked_sub(1);
+                    let both = [Some(even), odd].into_iter().flatten();
+                    for segment in both.filter_map(|index| self.0.get(index)) {
+                        work(segment, &mut sums);
                     }
                 }
+                return;
             }
-            return;
+            Phase::Even => 0,
+            Phase::Odd => 1,
+        };
+        let (mut rest, mut tasks) = (sums, Vec::with_capacity(self.0.len() / 2 + 1));
+        // From the last one on: each has what is left behind its first block.
+        for segment in self.0[parity..].iter().step_by(2).rev() {
+            let own;
+            (rest, own) = rest.split_at(segment.first_block, segment.first_pair);
+            tasks.push((segment, own));
         }
-        for parity in 0..2 {
-            let mut begin = self.0[parity].first_block;
-            let (_, mut rest) = sums.split_at_mut(begin);
-            let segments = self.0[parity..].chunks(2);
-            let mut tasks = Vec::with_capacity(segments.len());
-            for (k, pair) in segments.enumerate() {
-                let next = self.0.get(parity + 2 * (k + 1));
-                let end = next.map_or(begin + rest.len(), |next| next.first_block);
-                let (own, others) = rest.split_at_mut(end - begin);
-                tasks.push((&pair[0], begin, own));
-                (rest, begin) = (others, end);
-            }
-            share_out(tasks, |(segment, first, own)| work(segment, first, own));
-        }
+        share_out(tasks, |(segment, mut own)| work(segment, &mut own));
     }
 
     /// The sum of a number for each segment, in their order.

@@ -2,9 +2,10 @@
 
 use crate::anchor_works::share_out;
 use crate::connections::Connections;
-use crate::linear_runs::{LinearRuns, RunSums};
-use crate::matrix::{OffDiagonal, PairBlock, times};
-use crate::segments::Segment;
+use crate::linear_runs::LinearRuns;
+use crate::matrix::{PairBlock, times};
+use crate::segments::{Segment, Segments};
+use crate::sums::{Linearized, Sums};
 use crate::{
     BrokenSpring, Emitter, Evaluation, Linearization, MemoryUpdate, Nature, Notable, Numbering,
     Projection, SpringNumbers, StiffnessKind, Strained,
@@ -12,7 +13,6 @@ use crate::{
 use nalgebra::Vector3;
 use springs_math::Separation;
 use springs_math::spring::{self, LengthLaw, Spring};
-use std::ops::Range;
 
 /// The packed identity.
 const IDENTITY: [f64; 6] = [1.0, 0.0, 0.0, 1.0, 0.0, 1.0];
@@ -88,17 +88,6 @@ impl<L: LengthLaw + Clone> Springs<L> {
         }
     }
 
-    /// What is worked off along runs, and the other springs with a free end.
-    fn work_off(&self) -> (Option<&LinearRuns>, Range<usize>) {
-        let numbers = self.linear_runs.as_ref();
-        let one_by_one = if numbers.is_some() {
-            self.connections.outside_runs()
-        } else {
-            self.connections.live()
-        };
-        (numbers, one_by_one)
-    }
-
     /// The tension that a method carried, or that at `x`, in N.
     fn tension(&self, index: usize, x: &[Vector3<f64>], carried: Option<&[f64]>) -> f64 {
         match carried.filter(|_| index < self.connections.live().end) {
@@ -163,49 +152,19 @@ impl<L: LengthLaw + Clone> Springs<L> {
         .1
     }
 
-    fn linearize_into<P: PairBlock>(&self, at: &Evaluation<'_>, mut sum: Sums<'_, P>) {
-        let is_isotropic = self.stiffness == StiffnessKind::Isotropic;
-        if is_isotropic && at.projection != Projection::Drop && at.carried.is_none() {
-            return self.linearize_isotropic(at, &mut sum);
-        }
-        let (along_runs, one_by_one) = self.work_off();
-        if let Some(numbers) = along_runs {
-            let sums = RunSums {
-                forces: bytemuck::cast_slice_mut(sum.forces),
-                diagonal: sum.diagonal.as_flattened_mut(),
-                pairs: sum.pairs,
-            };
-            let connections = &self.connections;
-            numbers.linearize((connections.runs(), connections.pairs()), at, sums);
-        }
-        if at.projected.is_some() {
-            let project = |index: usize, across: f64| {
-                let projection = at.projection_at(self.connections.free_ends(index));
-                projection.apply(across)
-            };
-            return self.linearize_with(one_by_one, project, at, &mut sum);
-        }
-        // One loop for each, without a choice inside.
-        use Projection::{Absolute, Clamp, Drop, None};
-        match at.projection {
-            None => self.linearize_with(one_by_one, |_, across| None.apply(across), at, &mut sum),
-            Clamp => self.linearize_with(one_by_one, |_, across| Clamp.apply(across), at, &mut sum),
-            Absolute => {
-                self.linearize_with(one_by_one, |_, across| Absolute.apply(across), at, &mut sum)
-            }
-            Drop => self.linearize_with(one_by_one, |_, across| Drop.apply(across), at, &mut sum),
-        }
-    }
-
     fn linearize_with<P: PairBlock>(
         &self,
-        springs: Range<usize>,
+        segment: &Segment,
         project: impl Fn(usize, f64) -> f64 + Copy,
         at: &Evaluation<'_>,
-        sum: &mut Sums<'_, P>,
+        sums: &mut Sums<'_, P>,
     ) {
         let weight = at.weights.stiffness;
-        for index in springs {
+        for index in segment
+            .live(self.linear_runs.is_some())
+            .into_iter()
+            .flatten()
+        {
             let dx = self.connections.difference(index, at.x);
             let (force, block) = spring::linearize(
                 &self.laws[index],
@@ -214,18 +173,23 @@ impl<L: LengthLaw + Clone> Springs<L> {
                 |across| project(index, across),
             );
             let block = block.map(|entry| weight * entry);
-            self.add_linearized(index, force, &block, at, sum);
+            self.add_linearized(index, force, &block, at, sums);
         }
     }
 
     /// Forces, and the block K·I of every spring, whatever its state.
-    fn linearize_isotropic<P: PairBlock>(&self, at: &Evaluation<'_>, sum: &mut Sums<'_, P>) {
+    fn linearize_isotropic<P: PairBlock>(
+        &self,
+        segment: &Segment,
+        at: &Evaluation<'_>,
+        sums: &mut Sums<'_, P>,
+    ) {
         let weight = at.weights.stiffness;
-        for index in self.connections.live() {
+        for index in segment.live(false).into_iter().flatten() {
             let force = self.force(index, at.x);
             let stiffness = weight * self.laws[index].largest_stiffness();
             let block = IDENTITY.map(|entry| stiffness * entry);
-            self.add_linearized(index, force, &block, at, sum);
+            self.add_linearized(index, force, &block, at, sums);
         }
     }
 
@@ -236,24 +200,54 @@ impl<L: LengthLaw + Clone> Springs<L> {
         force: Vector3<f64>,
         block: &[f64; 6],
         at: &Evaluation<'_>,
-        sum: &mut Sums<'_, P>,
+        sums: &mut Sums<'_, P>,
     ) {
-        let connections = &self.connections;
-        connections.add_force(index, force, (0, &mut *sum.forces));
-        if index < connections.interior().end {
-            connections.add_block(index, block, sum.diagonal, sum.pairs);
-        } else {
-            connections.add_anchored_block(index, block, at.v, sum.diagonal, sum.anchor_load);
-        }
+        let forces = (sums.first_block, &mut *sums.forces);
+        self.connections.add_force(index, force, forces);
+        self.connections.add_block(index, block, at.v, sums);
     }
 }
 
-/// What a linearization adds up into.
-struct Sums<'a, P> {
-    forces: &'a mut [Vector3<f64>],
-    diagonal: &'a mut [[f64; 6]],
-    anchor_load: &'a mut [Vector3<f64>],
-    pairs: &'a mut [P],
+/// Springs as linearized at some state.
+struct At<'a, L> {
+    springs: &'a Springs<L>,
+    at: &'a Evaluation<'a>,
+}
+
+impl<L: LengthLaw + Clone + Send + Sync> Linearized for At<'_, L> {
+    fn segments(&self) -> &Segments {
+        self.springs.connections.segments()
+    }
+
+    fn add_to<P: PairBlock>(&self, segment: &Segment, sums: &mut Sums<'_, P>) {
+        let Self { springs, at } = *self;
+        let is_isotropic = springs.stiffness == StiffnessKind::Isotropic;
+        if is_isotropic && at.projection != Projection::Drop && at.carried.is_none() {
+            return springs.linearize_isotropic(segment, at, sums);
+        }
+        let connections = &springs.connections;
+        if let Some(numbers) = &springs.linear_runs {
+            let runs = &connections.runs()[segment.runs.clone()];
+            numbers.linearize((runs, connections.pairs()), at, sums);
+        }
+        if at.projected.is_some() {
+            let project = |index: usize, across: f64| {
+                let projection = at.projection_at(connections.free_ends(index));
+                projection.apply(across)
+            };
+            return springs.linearize_with(segment, project, at, sums);
+        }
+        // One loop for each, without a choice inside.
+        use Projection::{Absolute, Clamp, Drop, None};
+        match at.projection {
+            None => springs.linearize_with(segment, |_, across| None.apply(across), at, sums),
+            Clamp => springs.linearize_with(segment, |_, across| Clamp.apply(across), at, sums),
+            Absolute => {
+                springs.linearize_with(segment, |_, across| Absolute.apply(across), at, sums);
+            }
+            Drop => springs.linearize_with(segment, |_, across| Drop.apply(across), at, sums),
+        }
+    }
 }
 
 #[cfg(test)]
@@ -387,32 +381,7 @@ impl<L: LengthLaw + Clone + Send + Sync> Emitter for Springs<L> {
     }
 
     fn linearize(&self, at: &Evaluation<'_>, out: &mut Linearization) {
-        let Linearization {
-            forces,
-            matrix,
-            anchor_load,
-        } = out;
-        let diagonal = &mut matrix.diagonal;
-        match &mut matrix.off_diagonal {
-            OffDiagonal::Symmetric(pairs) => self.linearize_into(
-                at,
-                Sums {
-                    forces,
-                    diagonal,
-                    anchor_load,
-                    pairs,
-                },
-            ),
-            OffDiagonal::General(pairs) => self.linearize_into(
-                at,
-                Sums {
-                    forces,
-                    diagonal,
-                    anchor_load,
-                    pairs,
-                },
-            ),
-        }
+        out.add(&At { springs: self, at });
     }
 
     fn add_products(&self, at: &Evaluation<'_>, y: &[Vector3<f64>], products: &mut [Vector3<f64>]) {

@@ -14,7 +14,7 @@ use crate::{
 use nalgebra::Vector3;
 use pulp::{Arch, Simd, WithSimd};
 use springs_scene::Scene;
-use springs_threads::{share_out, threads_here};
+use springs_threads::{share_of_pass_here, share_out};
 use std::sync::Arc;
 
 /// A compiled scene.
@@ -70,12 +70,6 @@ pub struct Linearization {
     /// Zero without moving anchors.
     pub anchor_load: Vec<Vector3<f64>>,
 }
-
-/// Blocks that a thread works off at once where passes over all of them are shared out.
-const PIECE: usize = 4096;
-
-/// Passes over fewer blocks than so many are not shared out: they take less time than that.
-const FEW: usize = 4 * PIECE;
 
 /// Multiplies vectors by a factor each, four of them at once.
 struct Scale<'a> {
@@ -408,15 +402,12 @@ impl System {
             let numbers = bytemuck::cast_slice_mut(numbers);
             Arch::new().dispatch(Scale { numbers, factors });
         };
-        let (all, factors) = (
-            &mut accelerations[..self.n_free()],
-            &self.inverse_masses[..],
-        );
-        if threads_here() <= 1 || all.len() <= FEW {
+        let all = &mut accelerations[..self.n_free()];
+        let factors = &self.inverse_masses[..];
+        let Some(share) = share_of_pass_here(all.len()) else {
             return scale((all, factors));
-        }
-        let pieces = all.chunks_mut(PIECE).zip(factors.chunks(PIECE));
-        share_out(pieces, scale);
+        };
+        share_out(all.chunks_mut(share).zip(factors.chunks(share)), scale);
     }
 
     /// Storage for [`Self::linearize`].

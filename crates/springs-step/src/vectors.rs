@@ -3,28 +3,11 @@
 use nalgebra::Vector3;
 use pulp::{Arch, Simd, WithSimd};
 use springs_assembly::System;
-use springs_threads::{share_out, threads_here};
+use springs_threads::{share_of_pass_here, share_out};
 
 /// Numbers that are worked off at once: of four blocks. Loops over them do one simple
 /// thing each, which compilers turn into a few instructions.
 pub(crate) const WIDTH: usize = 12;
-
-/// Blocks that a thread works off at once where passes over all of them are shared out.
-const PIECE: usize = 4096;
-
-/// Passes over fewer blocks than so many are not shared out: they take less time than that.
-const FEW: usize = 4 * PIECE;
-
-/// How many blocks a piece of a pass has, whose sums are those of the pieces: a number that
-/// depends on nothing but how many there are. `None` where the pass stays whole.
-pub(crate) fn piece_of(n_blocks: usize) -> Option<usize> {
-    (n_blocks > FEW).then_some(PIECE)
-}
-
-/// The same for passes without a sum, which stay whole with a single thread.
-pub(crate) fn shared_piece_of(n_blocks: usize) -> Option<usize> {
-    piece_of(n_blocks).filter(|_| threads_here() > 1)
-}
 
 /// Copies vectors.
 ///
@@ -32,12 +15,12 @@ pub(crate) fn shared_piece_of(n_blocks: usize) -> Option<usize> {
 ///
 /// If there are not as many of both.
 pub(crate) fn copy(from: &[Vector3<f64>], to: &mut [Vector3<f64>]) {
-    let Some(piece) = shared_piece_of(from.len()) else {
+    let Some(share) = share_of_pass_here(from.len()) else {
         return to.copy_from_slice(from);
     };
     assert_eq!(from.len(), to.len(), "as many vectors");
-    let pieces = from.chunks(piece).zip(to.chunks_mut(piece));
-    share_out(pieces, |(from, to)| to.copy_from_slice(from));
+    let shares = from.chunks(share).zip(to.chunks_mut(share));
+    share_out(shares, |(from, to)| to.copy_from_slice(from));
 }
 
 /// Vectors as plain numbers.

@@ -110,6 +110,23 @@ pub fn share_out<T: Send, R: Send>(
     items.into_par_iter().map(work).collect()
 }
 
+/// Items of a share where a pass over many short ones, a few vectors each, is shared out.
+const SHARE: usize = 4096;
+/// Passes over fewer items than so many take less time than to share them out.
+const FEW: usize = 4 * SHARE;
+
+/// How many of `n` short items, a few vectors each, a share of a pass over all of them has.
+/// `None` where the pass is best left whole. Sums over the items that are added up share by
+/// share do not depend on the threads, since this does not.
+pub fn share_of_pass(n: usize) -> Option<usize> {
+    (n > FEW).then_some(SHARE)
+}
+
+/// The same for passes without a sum, which are left whole, too, where there is one thread.
+pub fn share_of_pass_here(n: usize) -> Option<usize> {
+    share_of_pass(n).filter(|_| threads_here() > 1)
+}
+
 /// Does `work` on every item, on `threads` threads at most; results are in the order of
 /// the items. Items are begun in their order: the longest should be the first.
 pub fn in_parallel<T: Send, R: Send>(

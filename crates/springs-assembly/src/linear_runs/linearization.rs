@@ -5,17 +5,10 @@ use super::{
     lanes_at, set_vector_at, vector_at,
 };
 use crate::matrix::PairBlock;
+use crate::sums::Sums;
 use crate::{Evaluation, Projection};
 use pulp::{Arch, Simd, WithSimd};
 use springs_math::spring::{self, Spring};
-
-/// What springs along runs add up into: numbers of one block after the other, three of a
-/// force and six of a block on the diagonal, and blocks of pairs.
-pub(crate) struct RunSums<'a, P> {
-    pub(crate) forces: &'a mut [f64],
-    pub(crate) diagonal: &'a mut [f64],
-    pub(crate) pairs: &'a mut [P],
-}
 
 impl LinearRuns {
     /// Adds what [`spring::linearize`] gives for each spring in turn, with the same bits:
@@ -24,12 +17,12 @@ impl LinearRuns {
     ///
     /// # Panics
     ///
-    /// If a slice is shorter than the number of free blocks.
+    /// If the sums do not have all blocks and pairs of the runs.
     pub(crate) fn linearize<P: PairBlock>(
         &self,
         (runs, pairs): (&[Run], &[u32]),
         at: &Evaluation<'_>,
-        sums: RunSums<'_, P>,
+        sums: &mut Sums<'_, P>,
     ) {
         Arch::new().dispatch(Linearize {
             numbers: self,
@@ -37,7 +30,11 @@ impl LinearRuns {
             pairs,
             x: bytemuck::cast_slice(at.x),
             at,
-            sums,
+            first_block: sums.first_block,
+            first_pair: sums.first_pair,
+            forces: bytemuck::cast_slice_mut(sums.forces),
+            diagonal: sums.diagonal.as_flattened_mut(),
+            off_diagonal: sums.pairs,
         });
     }
 }
@@ -48,7 +45,12 @@ struct Linearize<'a, P> {
     pairs: &'a [u32],
     x: &'a [f64],
     at: &'a Evaluation<'a>,
-    sums: RunSums<'a, P>,
+    first_block: usize,
+    first_pair: usize,
+    /// Numbers of one block after the other: three of a force, six of a diagonal block.
+    forces: &'a mut [f64],
+    diagonal: &'a mut [f64],
+    off_diagonal: &'a mut [P],
 }
 
 impl<P: PairBlock> WithSimd for Linearize<'_, P> {
@@ -57,11 +59,6 @@ impl<P: PairBlock> WithSimd for Linearize<'_, P> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let (at, weight) = (self.at, self.at.weights.stiffness);
-        let RunSums {
-            forces: sum_of_forces,
-            diagonal,
-            pairs: off_diagonal,
-        } = self.sums;
         self.numbers.each_lanes(self.runs, |ends, law, springs| {
             let how = Across {
                 springs,
@@ -71,12 +68,13 @@ impl<P: PairBlock> WithSimd for Linearize<'_, P> {
             };
             let x = ends.map(|block| lanes_at(self.x, block));
             let (forces, blocks) = linearized(simd, x, law, (&how, weight));
-            add_to_ends(sum_of_forces, ends, &forces);
-            add_to_diagonal(diagonal, ends, &blocks);
+            let ends = ends.map(|block| block - self.first_block);
+            add_to_ends(self.forces, ends, &forces);
+            add_to_diagonal(self.diagonal, ends, &blocks);
             for (place, &spring) in springs.iter().enumerate() {
                 if spring != NO_SPRING {
-                    let pair = self.pairs[spring as usize];
-                    off_diagonal[pair as usize].subtract_symmetric(&blocks.at(place));
+                    let pair = self.pairs[spring as usize] as usize - self.first_pair;
+                    self.off_diagonal[pair].subtract_symmetric(&blocks.at(place));
                 }
             }
         });

@@ -10,7 +10,7 @@ use crate::storage::zeros;
 use dyn_stack::MemBuffer;
 use faer::Par;
 use faer::linalg::cholesky::llt::factor::cholesky_in_place_scratch;
-use springs_threads::{in_parallel_with, largest_first, with_threads};
+use springs_threads::{in_parallel_with, largest_first, threads_here, with_threads};
 use std::ops::Range;
 
 /// A factorization with the fronts of one pattern.
@@ -32,6 +32,9 @@ struct Piece<'a> {
 
 /// Below this number of operations a second thread is not worth waking.
 const WORTH_A_THREAD: f64 = 1.5e7;
+/// The same within a pool whose threads are awake.
+const WORTH_SHARING: f64 = 1e6;
+
 impl<const D: usize> Multifrontal<D> {
     /// Of the factor and all workspace, in bytes; `None` if it cannot be counted.
     pub(crate) fn memory(fronts: &Fronts, threads: usize) -> Option<u64> {
@@ -77,7 +80,9 @@ impl<const D: usize> Multifrontal<D> {
         values: Values<'_, P, Q>,
         interrupt: &Interrupt,
     ) -> Result<(), NoFactor> {
-        let threads = if self.layout.flops > WORTH_A_THREAD {
+        let flops = self.layout.flops;
+        let is_large = flops > WORTH_A_THREAD;
+        let threads = if is_large || threads_here() > 1 && flops > WORTH_SHARING {
             self.workspaces.len()
         } else {
             1

@@ -4,7 +4,7 @@ use super::fronts::Fronts;
 use super::kernels::{dot_in_lanes, subtract_multiple};
 use super::layout::Layout;
 use crate::storage::zeros;
-use springs_threads::{in_parallel_with, largest_first, with_threads};
+use springs_threads::{in_parallel_with, largest_first, threads_here, with_threads};
 use std::ops::Range;
 
 /// Workspace of solutions. Like factorizations, they run subtree by subtree and
@@ -31,6 +31,8 @@ pub(crate) struct Substitution<const D: usize> {
 /// the second core, it made solutions with 7.6e5 to 1.7e6 entries longer by a tenth to a
 /// fifth, and those with 2.2e6 and more took as long as on one.
 const WORTH_A_THREAD: usize = 2_000_000;
+/// The same within a pool whose threads are awake.
+const WORTH_SHARING: usize = 60_000;
 
 impl<const D: usize> Substitution<D> {
     /// `None` without enough memory.
@@ -227,7 +229,8 @@ impl<const D: usize> Substitution<D> {
         factor: &[f64],
         x: &mut [f64],
     ) {
-        let threads = if factor.len() > WORTH_A_THREAD {
+        let is_large = factor.len() > WORTH_A_THREAD;
+        let threads = if is_large || threads_here() > 1 && factor.len() > WORTH_SHARING {
             self.gathered.len()
         } else {
             1

@@ -143,12 +143,14 @@ struct Motions<
 /// What solves in the coarse space.
 enum Solver<const M: usize, const MP: usize, const MQ: usize> {
     Direct(Box<Direct<M, MP>>),
-    /// One application of the next coarser preconditioner.
-    Level {
-        matrix: Rows<MP, MQ>,
-        preconditioner: Box<Multilevel<M, MP, MQ>>,
-        solution: Vec<[f64; M]>,
-    },
+    Level(Box<Level<M, MP, MQ>>),
+}
+
+/// One application of the next coarser preconditioner.
+struct Level<const M: usize, const MP: usize, const MQ: usize> {
+    matrix: Rows<MP, MQ>,
+    preconditioner: Multilevel<M, MP, MQ>,
+    solution: Vec<[f64; M]>,
 }
 
 /// Aggregates, or pairs of them, in a share of the work.
@@ -197,11 +199,11 @@ impl<
         } else {
             let matrix = Rows::new(n, &aggregates.pairs);
             let coarse = Pattern::of(&matrix, options, usual_iterations);
-            Solver::Level {
+            Solver::Level(Box::new(Level {
+                preconditioner: Multilevel::new(&coarse, next)?,
                 matrix,
-                preconditioner: Box::new(Multilevel::new(&coarse, next)?),
                 solution: vec![[0.0; M]; n],
-            }
+            }))
         };
         Ok(Self {
             motions: vec![T::at([0.0; 3], 1.0); n_blocks],
@@ -315,8 +317,8 @@ impl<
                 None => {}
             }
         }
-        if let Solver::Level { preconditioner, .. } = &mut self.solver {
-            preconditioner.set_places(&self.places);
+        if let Solver::Level(level) = &mut self.solver {
+            level.preconditioner.set_places(&self.places);
         }
     }
 
@@ -326,13 +328,9 @@ impl<
         let (diagonal, off_diagonal) = (&self.diagonal, &self.off_diagonal);
         let done = match &mut self.solver {
             Solver::Direct(direct) => direct.factorize(diagonal, off_diagonal),
-            Solver::Level {
-                matrix,
-                preconditioner,
-                ..
-            } => {
-                matrix.set::<M>(diagonal, off_diagonal);
-                preconditioner.set(matrix)
+            Solver::Level(level) => {
+                level.matrix.set::<M>(diagonal, off_diagonal);
+                level.preconditioner.set(&level.matrix)
             }
         };
         done.map_err(|error| match error {
@@ -356,12 +354,9 @@ impl<
         });
         match &mut self.solver {
             Solver::Direct(direct) => direct.solve_in_place(&mut self.vector),
-            Solver::Level {
-                matrix,
-                preconditioner,
-                solution,
-            } => {
-                preconditioner.apply(matrix, (&mut self.vector, None), solution);
+            Solver::Level(level) => {
+                let (r, z) = (&mut self.vector, &mut level.solution);
+                level.preconditioner.apply(&level.matrix, (r, None), z);
             }
         }
     }
@@ -369,7 +364,7 @@ impl<
     fn prolong(&self, begin: usize, z: &mut [[f64; D]]) {
         let motion = match &self.solver {
             Solver::Direct(_) => &self.vector,
-            Solver::Level { solution, .. } => solution,
+            Solver::Level(level) => &level.solution,
         };
         let blocks = begin..begin + z.len();
         let (of_block, motions) = (&self.aggregates.of_block, &self.motions);
@@ -386,10 +381,10 @@ impl<
             + 8 * MQ * self.off_diagonal.len();
         let solver = match &self.solver {
             Solver::Direct(direct) => direct.symbolic_memory() + direct.factor_memory()?,
-            Solver::Level { preconditioner, .. } => {
+            Solver::Level(level) => {
                 Rows::<MP, MQ>::memory(n, self.off_diagonal.len())
                     + (8 * M * n) as u64
-                    + preconditioner.memory()?
+                    + level.preconditioner.memory()?
             }
         };
         Some(self.aggregates.memory() + own as u64 + solver)

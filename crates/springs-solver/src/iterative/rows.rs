@@ -24,6 +24,9 @@ pub(crate) struct Rows<const P: usize, const Q: usize> {
     blocks: Vec<[f64; Q]>,
 }
 
+/// Of so many numbers each.
+type Blocks<const N: usize> = Vec<[f64; N]>;
+
 /// What a sweep reads and writes of a window that begins `at` some block.
 pub(crate) struct Window<'a, const D: usize> {
     pub(crate) at: usize,
@@ -177,7 +180,7 @@ impl<const P: usize, const Q: usize> Rows<P, Q> {
 
     /// Diagonal and off-diagonal blocks as [`set`](Self::set) takes them; `None` without
     /// enough memory.
-    pub(crate) fn by_source<const D: usize>(&self) -> Option<(Vec<[f64; P]>, Vec<[f64; Q]>)> {
+    pub(crate) fn by_source<const D: usize>(&self) -> Option<(Blocks<P>, Blocks<Q>)> {
         let mut diagonal = filled([0.0; P], self.diagonal.len())?;
         self.give_back(&self.diagonal, &mut diagonal);
         let mut upper = filled([0.0; Q], self.blocks.len())?;

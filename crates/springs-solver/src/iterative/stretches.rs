@@ -108,10 +108,10 @@ impl Stretches {
 }
 
 /// The parts of a slice that are these ranges, ascending.
-pub(crate) fn parts<'a, T>(
-    slice: &'a mut [T],
+pub(crate) fn parts<T>(
+    slice: &mut [T],
     ranges: impl Iterator<Item = Range<usize>>,
-) -> impl Iterator<Item = &'a mut [T]> {
+) -> impl Iterator<Item = &mut [T]> {
     let (mut rest, mut at) = (slice, 0);
     ranges.map(move |range| {
         let (_, tail) = std::mem::take(&mut rest).split_at_mut(range.start - at);

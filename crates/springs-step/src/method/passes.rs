@@ -1,9 +1,9 @@
 //! Passes of explicit methods over all free blocks.
 
-use crate::vectors::{WIDTH, numbers_mut, piece_of, shared_piece_of};
+use crate::vectors::{WIDTH, numbers_mut};
 use nalgebra::Vector3;
 use pulp::{Arch, Simd, WithSimd};
-use springs_threads::share_out;
+use springs_threads::{share_of_pass, share_of_pass_here, share_out};
 
 /// Blocks that are worked off at once.
 const LANES: usize = WIDTH / 3;
@@ -19,11 +19,11 @@ pub(super) fn kick_and_drift(
     // As many as there are free blocks.
     let n_free = a.len();
     let (v, x) = (&mut v[..n_free], &mut x[..n_free]);
-    let Some(piece) = shared_piece_of(n_free) else {
+    let Some(share) = share_of_pass_here(n_free) else {
         return kick_and_drift_at_once(a, kick, v, drift, x);
     };
-    let states = v.chunks_mut(piece).zip(x.chunks_mut(piece));
-    share_out(a.chunks(piece).zip(states), |(a, (v, x))| {
+    let states = v.chunks_mut(share).zip(x.chunks_mut(share));
+    share_out(a.chunks(share).zip(states), |(a, (v, x))| {
         kick_and_drift_at_once(a, kick, v, drift, x);
     });
 }
@@ -70,11 +70,11 @@ pub(super) fn last_kick(
             masses,
         })
     };
-    let [twice, squares] = match piece_of(n_free) {
+    let [twice, squares] = match share_of_pass(n_free) {
         None => work(((a, v), (free, masses))),
-        Some(piece) => {
-            let kicked = a.chunks(piece).zip(v.chunks_mut(piece));
-            let others = free.chunks(piece).zip(masses.chunks(piece));
+        Some(share) => {
+            let kicked = a.chunks(share).zip(v.chunks_mut(share));
+            let others = free.chunks(share).zip(masses.chunks(share));
             let sums = share_out(kicked.zip(others), work);
             let add = |[a, b]: [f64; 2], [c, d]: [f64; 2]| [a + c, b + d];
             sums.into_iter().fold([0.0; 2], add)

@@ -31,9 +31,10 @@ pub struct Stepper {
     threads: usize,
 }
 
-/// Steps of systems with fewer terms are made by the calling thread: to hand them over
-/// would take longer.
+/// Steps of systems with fewer terms are made by the calling thread, since to hand them over
+/// would take longer: where forces are all that is made, and where there is a matrix.
 const FEW_TERMS: usize = 30_000;
+const FEW_TERMS_OF_MATRIX: usize = 4_000;
 
 /// Where a stepper was.
 pub(crate) struct Bookmark {
@@ -127,7 +128,13 @@ impl Stepper {
 
     /// The same with steps on so many threads as the options say.
     pub(crate) fn on_threads_of(self, options: &RunOptions) -> Self {
-        let is_small = self.system.n_terms() < FEW_TERMS;
+        let has_matrix = self.method.setup().counts.symbolic_factorizations > 0;
+        let few = if has_matrix {
+            FEW_TERMS_OF_MATRIX
+        } else {
+            FEW_TERMS
+        };
+        let is_small = self.system.n_terms() < few;
         Self {
             threads: if is_small { 1 } else { threads(options) },
             ..self
