@@ -145,6 +145,9 @@ impl Segments {
         sums: &mut [Vector3<f64>],
         work: impl Fn(&Segment, usize, &mut [Vector3<f64>]) + Send + Sync,
     ) {
+        if let [segment] = &self.0[..] {
+            return work(segment, 0, sums);
+        }
         for &phase in self.phases() {
             self.work_off(phase, (0, &mut *sums), |segment, (first, sums)| {
                 work(segment, *first, sums);
@@ -233,8 +236,8 @@ mod tests {
         shuffled
     }
 
-    /// Forces, damping forces and products, and energy.
-    fn all_of(system: &System) -> (Vec<Vector3<f64>>, [f64; 2]) {
+    /// Forces, damping forces, products and linearizations, and energy.
+    fn all_of(system: &System) -> (Vec<Vector3<f64>>, Vec<f64>, [f64; 2]) {
         let (x, v) = (system.initial_positions(), system.initial_velocities());
         let at = Evaluation::new(x, v, Weights::of_step(0.1));
         let mut all = Vec::new();
@@ -245,8 +248,14 @@ mod tests {
         all.extend_from_slice(&vectors);
         system.product(&at, v, &mut vectors);
         all.extend_from_slice(&vectors);
+        let mut linearization = system.linearization();
+        system.linearize(&at, &mut linearization);
+        all.extend_from_slice(&linearization.forces);
+        all.extend_from_slice(&linearization.anchor_load);
+        let triplets = linearization.matrix.triplets();
+        let entries = triplets.map(|(_, _, entry)| entry).collect();
         let energy = system.energy(x, v);
-        (all, [energy.kinetic, energy.potential.sum()])
+        (all, entries, [energy.kinetic, energy.potential.sum()])
     }
 
     #[test]

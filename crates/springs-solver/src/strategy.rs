@@ -47,7 +47,7 @@ impl Price {
     /// With a factor without fill, of so many entries: no front is assembled.
     fn of_tree(entries: f64, flops: f64) -> Self {
         Self {
-            matrix: 300.0 + 2.6 * entries + flops / 50.0,
+            matrix: 300.0 + 2.2 * entries + flops / 50.0,
             ..Self::with_factor(entries, flops)
         }
     }
