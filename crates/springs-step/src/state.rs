@@ -85,7 +85,7 @@ impl State {
         archive.vectors(&mut self.v);
     }
 
-    /// Becomes a copy of another state of the same system, without allocating.
+    /// Becomes a copy of another state of the same system, within its own memory.
     pub(crate) fn copy_from(&mut self, other: &Self) {
         self.time = other.time;
         copy(&other.x, &mut self.x);

@@ -5,12 +5,9 @@ use crate::block::{
     Rounding, backward, columns, divide, forward, is_symmetric, ldlt, packed, rows,
 };
 use crate::lanes::Lanes;
-use crate::ordering::{AT_ONCE, Forest, Joint, NO_PARENT, Part, Schedule, Turn};
+use crate::ordering::{AT_ONCE, Forest, Joint, NO_PARENT, NONE, Part, Schedule, Turn};
 use crate::storage::filled;
 use springs_threads::{share_out, threads_here};
-
-/// No pair.
-const NONE: u32 = u32::MAX;
 
 type Pair = Lanes<AT_ONCE>;
 
@@ -112,7 +109,7 @@ impl<const D: usize, const P: usize> Tree<D, P> {
     ) -> Result<(), usize> {
         let factorize =
             |part: &mut Branches<D, P>| part.factorize(diagonal, off_diagonal, rounding);
-        let done = self.for_each_branch(|branch| {
+        let done = share_out(&mut self.branches, |branch| {
             branch.sums.clear();
             factorize(branch)
         });
@@ -127,7 +124,7 @@ impl<const D: usize, const P: usize> Tree<D, P> {
 
     pub(crate) fn solve_in_place(&mut self, rhs: &mut [[f64; D]]) {
         let b = &*rhs;
-        self.for_each_branch(|branch| {
+        share_out(&mut self.branches, |branch| {
             branch.vectors.clear();
             branch.forward(b);
         });
@@ -148,21 +145,10 @@ impl<const D: usize, const P: usize> Tree<D, P> {
             }
             return;
         }
-        self.for_each_branch(|branch| branch.backward(None));
+        share_out(&mut self.branches, |branch| branch.backward(None));
         for branch in &self.branches {
             branch.copy_solution(rhs);
         }
-    }
-
-    /// On the threads that are here. One of them allocates nothing for work without results.
-    fn for_each_branch<R: Send>(
-        &mut self,
-        work: impl Fn(&mut Branches<D, P>) -> R + Sync + Send,
-    ) -> Vec<R> {
-        if threads_here() <= 1 {
-            return self.branches.iter_mut().map(work).collect();
-        }
-        share_out(self.branches.iter_mut(), work)
     }
 }
 
