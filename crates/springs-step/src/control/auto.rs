@@ -5,7 +5,7 @@ mod trial;
 use crate::control::controller::{Controller, Schedule};
 use crate::control::costs::CostModel;
 use crate::control::trials::{Abandoned, EqualSteps, Trials, Unsettled, equal_steps};
-use crate::method::table::{Properties, methods};
+use crate::method::table::{Attempt, Properties, methods};
 use crate::work::Counts;
 use crate::{Anchors, Archive, Choice, Method, SetupError, State, StepPlan};
 use springs_assembly::System;
@@ -45,12 +45,7 @@ pub(crate) struct Auto {
 /// A method that may be chosen.
 struct Candidate {
     choice: Choice,
-    /// Longest step that is stable, times the fastest rate of the system; `None` for
-    /// implicit methods.
-    stable_angle: Option<f64>,
-    /// Force evaluations of a step with an explicit method, 0 for an implicit
-    /// one.
-    evaluations: f64,
+    attempt: Attempt,
     /// What each evaluation costs, in ns.
     evaluation: f64,
     /// The method, unless it is in use or was not built yet.
@@ -59,7 +54,7 @@ struct Candidate {
 
 impl Candidate {
     fn is_explicit(&self) -> bool {
-        self.evaluations > 0.0
+        self.attempt.stable_angle.is_some()
     }
 }
 
@@ -107,15 +102,14 @@ impl Auto {
     pub(crate) fn new(scene: &Scene, system: &System, choice: &Choice) -> Self {
         let costs = CostModel::without_fill(system);
         let candidate = |row: &Properties| {
-            let evaluations = row.tried_evaluations?;
+            let attempt = row.attempt(system)?;
             let can_move = row.can_move(scene, system).is_ok();
             can_move.then(|| Candidate {
                 choice: Choice {
                     method: row.method,
                     ..choice.clone()
                 },
-                stable_angle: row.stable_angle,
-                evaluations,
+                attempt,
                 evaluation: costs.evaluation(row.node_cost),
                 idle: None,
             })

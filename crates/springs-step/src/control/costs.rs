@@ -151,7 +151,7 @@ impl CostModel {
     /// A step, made or thrown away, beside what it counts otherwise: copies of the state,
     /// the weighing of errors, the ledger.
     pub(super) fn attempt(&self) -> f64 {
-        500.0 + 12.0 * self.n_nodes
+        750.0 + 12.0 * self.n_nodes
     }
 
     /// What was counted, with `evaluation` for each evaluation of forces alone.

@@ -1,7 +1,7 @@
 //! Error control for methods without an estimate of their own.
 
 use super::passes::set_multiple_of_difference;
-use crate::method::weighing::Weighing;
+use crate::method::weighing::{Weighing, part_of_difference};
 use crate::{Anchors, Archive, ErrorEstimate, Flows, Interval, Method, MethodError, State, Work};
 use springs_assembly::System;
 use springs_solver::{Interrupt, SolveError};
@@ -97,12 +97,11 @@ impl Method for Doubling {
             self.flows.add(flows);
         }
 
-        let whole = &self.whole;
-        let estimate = self.weighing.estimate(h, state, |part, [e_x, e_v]| {
-            set_multiple_of_difference(part, &state.x, &whole.x, e_x);
-            set_multiple_of_difference(part, &state.v, &whole.v, e_v);
-        });
-        Ok(Some(estimate))
+        let (whole, part) = (&self.whole, part_of_difference(self.method.order()));
+        let [e_x, e_v] = self.weighing.errors();
+        set_multiple_of_difference(part, &state.x, &whole.x, e_x);
+        set_multiple_of_difference(part, &state.v, &whole.v, e_v);
+        Ok(Some(self.weighing.estimate(h, state)))
     }
 
     fn second_estimate(

@@ -129,6 +129,56 @@ impl WithSimd for LastKick<'_> {
     }
 }
 
+/// Adds a times each factor to the errors, or sets them to that.
+pub(super) fn add_to_errors(
+    a: &[Vector3<f64>],
+    factors: [f64; 2],
+    are_set: bool,
+    [e_x, e_v]: [&mut [Vector3<f64>]; 2],
+) {
+    let work = |(a, (e_x, e_v)): (&[_], (&mut [_], &mut [_]))| {
+        Arch::new().dispatch(AddToErrors {
+            a: bytemuck::cast_slice::<Vector3<f64>, f64>(a),
+            factors,
+            are_set,
+            errors: [numbers_mut(e_x), numbers_mut(e_v)],
+        });
+    };
+    let Some(share) = share_of_pass_here(a.len()) else {
+        return work((a, (e_x, e_v)));
+    };
+    let errors = e_x.chunks_mut(share).zip(e_v.chunks_mut(share));
+    share_out(a.chunks(share).zip(errors), work);
+}
+
+struct AddToErrors<'a> {
+    a: &'a [f64],
+    factors: [f64; 2],
+    are_set: bool,
+    errors: [&'a mut [f64]; 2],
+}
+
+impl WithSimd for AddToErrors<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) {
+        let ([of_x, of_v], [e_x, e_v]) = (self.factors, self.errors);
+        let errors = self.a.iter().zip(e_x.iter_mut().zip(e_v));
+        if self.are_set {
+            for (a, (e_x, e_v)) in errors {
+                *e_x = of_x * a;
+                *e_v = of_v * a;
+            }
+        } else {
+            for (a, (e_x, e_v)) in errors {
+                *e_x += of_x * a;
+                *e_v += of_v * a;
+            }
+        }
+    }
+}
+
 /// Sets errors to a₁ − a₀ and 2a₁ − a₀ − a₂, each times its factor.
 pub(super) fn set_errors_of_pair(
     factors: [f64; 2],

@@ -33,9 +33,8 @@ pub struct Properties {
     /// Whether comparisons run it in steps of fixed size, as most users do, and not
     /// with tolerances.
     pub is_compared_by_steps: bool,
-    /// `Auto` tries it: evaluations of forces that an attempt takes, for a whole step and
-    /// two halves where there is no estimate of its own; 0 with a matrix.
-    pub(crate) tried_evaluations: Option<f64>,
+    /// What an attempt takes where `Auto` tries it.
+    attempt: Option<Attempt>,
     /// What a step does, mostly.
     pub(crate) usual_step: UsualStep,
     /// What an explicit method itself does per node and evaluation, in ns.
@@ -43,6 +42,29 @@ pub struct Properties {
     /// What its matrix has, if there is one.
     hessian: fn(Option<Tangent>) -> Option<Hessian>,
     build: Build,
+}
+
+/// What an attempt with an estimate of its error takes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Attempt {
+    /// Evaluations of forces; 0 with a matrix.
+    pub(crate) evaluations: f64,
+    /// As [`Properties::stable_angle`], for the attempt as a whole.
+    pub(crate) stable_angle: Option<f64>,
+}
+
+impl Attempt {
+    const WITH_MATRIX: Self = Self {
+        evaluations: 0.0,
+        stable_angle: None,
+    };
+
+    const fn explicit(evaluations: f64, stable_angle: f64) -> Self {
+        Self {
+            evaluations,
+            stable_angle: Some(stable_angle),
+        }
+    }
 }
 
 /// What a step of a method does, mostly, without an estimate of its error by doubling.
@@ -98,7 +120,7 @@ static TABLE: [Properties; 10] = [
     Properties {
         order: 8,
         stable_angle: Some(5.9),
-        tried_evaluations: Some(12.0),
+        attempt: Some(Attempt::explicit(12.0, 5.9)),
         usual_step: UsualStep::explicit(12.0),
         node_cost: 18.0,
         build: |system, _| Ok(Box::new(Dop853::new(system))),
@@ -107,7 +129,8 @@ static TABLE: [Properties; 10] = [
     Properties {
         stable_angle: Some(2.0),
         is_compared_by_steps: true,
-        tried_evaluations: Some(3.0),
+        // A pair of steps.
+        attempt: Some(Attempt::explicit(2.0, 4.0)),
         usual_step: UsualStep::explicit(1.0),
         node_cost: 3.0,
         build: |system, choice| {
@@ -126,9 +149,8 @@ static TABLE: [Properties; 10] = [
         order: 4,
         treats_damping: false,
         stable_angle: Some(5.0),
-        tolerance: ToleranceKind::Doubling,
         is_compared_by_steps: true,
-        tried_evaluations: Some(18.0),
+        attempt: Some(Attempt::explicit(6.0, 5.0)),
         usual_step: UsualStep::explicit(6.0),
         node_cost: 3.0,
         build: |system, _| Ok(Box::new(Splitting::blanes_moan_4(system))),
@@ -138,16 +160,15 @@ static TABLE: [Properties; 10] = [
         order: 6,
         treats_damping: false,
         stable_angle: Some(9.0),
-        tolerance: ToleranceKind::Doubling,
         is_compared_by_steps: true,
-        tried_evaluations: Some(33.0),
+        attempt: Some(Attempt::explicit(11.0, 9.0)),
         usual_step: UsualStep::explicit(11.0),
         node_cost: 3.0,
         build: |system, _| Ok(Box::new(Splitting::blanes_moan_6(system))),
         ..explicit(scene::Method::BlanesMoan6)
     },
     Properties {
-        tried_evaluations: Some(0.0),
+        attempt: Some(Attempt::WITH_MATRIX),
         usual_step: UsualStep::newton(6.0),
         build: |system, choice| {
             let method = TrBdf2::new(system, &choice.options)?;
@@ -220,7 +241,7 @@ const fn implicit(method: scene::Method) -> Properties {
         tolerance: ToleranceKind::Estimate,
         keeps_step: false,
         is_compared_by_steps: false,
-        tried_evaluations: None,
+        attempt: None,
         usual_step: UsualStep::newton(1.0),
         node_cost: 0.0,
         hessian: |_| Some(Hessian::Exact),
@@ -282,6 +303,16 @@ impl Properties {
         }
         method.expect_changing_steps(system)?;
         Ok(method)
+    }
+
+    /// What an attempt takes where `Auto` tries it; `None` if it does not.
+    pub(crate) fn attempt(&self, system: &System) -> Option<Attempt> {
+        let is_doubled = self.method == scene::Method::VelocityVerlet && system.is_damped();
+        if is_doubled {
+            // A whole step and its halves.
+            return Some(Attempt::explicit(3.0, 2.0));
+        }
+        self.attempt
     }
 
     /// Refuses what the method cannot treat.

@@ -1,7 +1,7 @@
 //! Velocity Verlet with an estimate of its error.
 
 use super::passes::set_errors_of_pair;
-use crate::method::weighing::Weighing;
+use crate::method::weighing::{Weighing, part_of_difference};
 use crate::{
     Anchors, Archive, ErrorEstimate, Flows, Interval, Method, MethodError, Splitting, State, Work,
 };
@@ -67,12 +67,11 @@ impl Method for VerletPairs {
         self.is_fresh = false;
         self.verlet.step(system, anchors, second, state, work)?;
         self.flows.add(self.verlet.last_flows());
-        let (k, [a0, a1, a2]) = (first.size, self.verlet.last_accelerations());
-        let (h, factors) = (interval.size, [k * k, 0.5 * k]);
-        let estimate = self.weighing.estimate(h, state, |part, errors| {
-            set_errors_of_pair(factors.map(|factor| part * factor), [a0, a1, a2], errors);
-        });
-        Ok(Some(estimate))
+        let part = part_of_difference(self.order());
+        let (k, accelerations) = (first.size, self.verlet.last_accelerations());
+        let factors = [part * k * k, part * 0.5 * k];
+        set_errors_of_pair(factors, accelerations, self.weighing.errors());
+        Ok(Some(self.weighing.estimate(interval.size, state)))
     }
 
     fn second_estimate(

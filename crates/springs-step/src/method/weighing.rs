@@ -1,4 +1,4 @@
-//! Weighing errors of positions and velocities that a step twice as long tells.
+//! Weighing errors of positions and velocities of a step.
 
 use crate::implicit::response::Response;
 use crate::method::time_scale;
@@ -7,8 +7,8 @@ use crate::{Archive, ErrorEstimate, Method, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::System;
 
-/// The errors e_x of positions and e_v of velocities of two halves of a step, from
-/// how far they are from the whole of it, and what they add to the error at the end.
+/// Errors e_x of positions and e_v of velocities of a step, and what they add to the error
+/// at the end.
 ///
 /// An error of velocities moves positions by no more than e_v/ω in a vibration
 /// of frequency ω, and by T e_v in free motion, where T is the time in which the
@@ -23,6 +23,7 @@ use springs_assembly::System;
 /// mostly the last one. Methods with a matrix damp what their steps do not
 /// resolve, so such vibrations are damped in e_v first.
 pub(crate) struct Weighing {
+    /// The power of the step size that both are in proportion to, over a step.
     order: u32,
     /// Velocities at the start of the last step, in m/s, and e_x and e_v at its end.
     velocities: Vec<Vector3<f64>>,
@@ -62,8 +63,14 @@ const SAME: f64 = 1.5;
 /// ones.
 const GROWN: f64 = 2.0;
 
+/// Which part of the difference between two halves of a step and the whole is the error of
+/// the halves, with a method of this order.
+pub(crate) fn part_of_difference(order: u32) -> f64 {
+    1.0 / (2f64.powi(order as i32) - 1.0)
+}
+
 impl Weighing {
-    /// For a method of this order.
+    /// For errors that are in proportion to this power of the step size, over a step.
     pub(crate) fn new(system: &System, order: u32) -> Self {
         Self {
             order,
@@ -89,17 +96,13 @@ impl Weighing {
         self.velocities.copy_from_slice(&v[..n_free]);
     }
 
-    /// The estimate of a step of size `h` in s that ended at `state`; `set_errors` is told
-    /// which part of differences is the error, and sets e_x and e_v of the free blocks from
-    /// how far positions and velocities of two halves are from those of the whole.
-    pub(crate) fn estimate(
-        &mut self,
-        h: f64,
-        state: &State,
-        set_errors: impl FnOnce(f64, [&mut [Vector3<f64>]; 2]),
-    ) -> ErrorEstimate {
-        let part = 1.0 / (2f64.powi(self.order as i32) - 1.0);
-        set_errors(part, [&mut self.errors_of_positions, &mut self.errors]);
+    /// e_x in m and e_v in m/s of the free blocks, to be set before [`Self::estimate`].
+    pub(crate) fn errors(&mut self) -> [&mut [Vector3<f64>]; 2] {
+        [&mut self.errors_of_positions, &mut self.errors]
+    }
+
+    /// The estimate of a step of size `h` in s that ended at `state`.
+    pub(crate) fn estimate(&mut self, h: f64, state: &State) -> ErrorEstimate {
         let n_free = self.velocities.len();
         let acceleration = largest_change(&state.v[..n_free], &self.velocities) / h;
         self.time_scale = time_scale(spread(&state.v), acceleration, h);

@@ -45,7 +45,7 @@ impl Auto {
         let candidate = &self.candidates[index];
         let is_built = candidate.idle.is_some();
         let attempt = if candidate.is_explicit() {
-            let attempt = candidate.evaluations * candidate.evaluation;
+            let attempt = candidate.attempt.evaluations * candidate.evaluation;
             if attempt > price * longest {
                 return false;
             }
@@ -65,7 +65,7 @@ impl Auto {
     }
 
     pub(super) fn longest_step(&self, system: &System, index: usize, left: f64) -> f64 {
-        let stable = self.candidates[index].stable_angle.map(|angle| {
+        let stable = self.candidates[index].attempt.stable_angle.map(|angle| {
             let fastest = system.frequency_bound().max(system.damping_rate_bound());
             angle / fastest
         });
