@@ -47,6 +47,10 @@ impl Method for Doubling {
         self.method.expect_changing_steps(system)
     }
 
+    fn longest_step(&self, system: &System) -> f64 {
+        self.method.longest_step(system)
+    }
+
     fn set_interrupt(&mut self, interrupt: &Interrupt) {
         self.method.set_interrupt(interrupt);
     }

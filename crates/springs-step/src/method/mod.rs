@@ -89,6 +89,12 @@ pub trait Method: Send {
         Ok(())
     }
 
+    /// Steps that are chosen by the error are no longer than this, in s: beyond it the
+    /// estimate cannot be relied on.
+    fn longest_step(&self, _system: &System) -> f64 {
+        f64::INFINITY
+    }
+
     /// Whom to hear during a step that may take long: asked to stop, it ends soon
     /// with [`MethodError::Interrupted`].
     fn set_interrupt(&mut self, _interrupt: &Interrupt) {}

@@ -59,6 +59,9 @@ struct ErrorWeights {
     are_even: bool,
     /// The errors of a step are in proportion to this power of the step size and one more.
     order: u32,
+    /// Up to this z vibrations are told. Beyond it SRKN₆ᵇ makes them grow or swell by far more
+    /// than e_x.
+    largest_angle: f64,
 }
 
 /// For SRKN₆ᵇ. Both errors are of the order of the method itself.
@@ -77,6 +80,7 @@ const OF_SRKN6: ErrorWeights = ErrorWeights {
     ],
     are_even: true,
     order: 4,
+    largest_angle: 4.5,
 };
 
 /// For SRKN₁₁ᵇ. That of positions is of the order of the method itself, that of velocities of
@@ -86,6 +90,7 @@ const OF_SRKN11: ErrorWeights = ErrorWeights {
     velocities: &HALF_OF_SRKN11,
     are_even: false,
     order: 5,
+    largest_angle: f64::INFINITY,
 };
 
 const HALF_OF_SRKN11: [f64; 6] = [
@@ -262,6 +267,14 @@ impl Method for Splitting {
         let new = |weights: ErrorWeights| Weighing::new(system, weights.order);
         self.weighing = self.error_weights.map(new);
         Ok(())
+    }
+
+    fn longest_step(&self, system: &System) -> f64 {
+        let fastest = system.frequency_bound();
+        match self.error_weights {
+            Some(weights) if fastest.is_finite() => weights.largest_angle / fastest,
+            _ => f64::INFINITY,
+        }
     }
 
     fn restart(&mut self) {

@@ -150,7 +150,7 @@ static TABLE: [Properties; 10] = [
         treats_damping: false,
         stable_angle: Some(5.0),
         is_compared_by_steps: true,
-        attempt: Some(Attempt::explicit(6.0, 5.0)),
+        attempt: Some(Attempt::explicit(6.0, 4.5)),
         usual_step: UsualStep::explicit(6.0),
         node_cost: 3.0,
         build: |system, _| Ok(Box::new(Splitting::blanes_moan_4(system))),

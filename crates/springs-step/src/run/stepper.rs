@@ -198,6 +198,11 @@ impl Stepper {
         &*self.method
     }
 
+    /// As [`Method::longest_step`].
+    pub(crate) fn longest_step(&self) -> f64 {
+        self.method.longest_step(&self.system)
+    }
+
     /// From now on methods keep tensions.
     pub(crate) fn keep_tensions(&mut self) {
         self.keeps_tensions = true;

@@ -171,7 +171,11 @@ impl Simulation {
         let (interval, rate) = loop {
             let size = Ahead::limit(self.ahead, start, controller.step_size());
             let end = self.timetable.end_of_step(start, self.duration);
-            let interval = next_interval(start, end, size.min(self.timetable.longest_step()));
+            let longest = self
+                .stepper
+                .longest_step()
+                .min(self.timetable.longest_step());
+            let interval = next_interval(start, end, size.min(longest));
             let attempt = self.stepper.attempt(interval, &mut self.work);
             let too_small = interval.size < SMALLEST_STEP * self.duration
                 || interval.start + 0.1 * interval.size == interval.start;
