@@ -247,7 +247,10 @@ fn firsts_of_pairs<T: Ord>(
 
 /// Fixes the pattern of the matrix, tells every emitter its places there, and lists
 /// what is coupled.
-fn place(emitters: &mut [Box<dyn Emitter>], numbering: &Numbering) -> (BlockPattern, Couplings) {
+pub(crate) fn place(
+    emitters: &mut [Box<dyn Emitter>],
+    numbering: &Numbering,
+) -> (BlockPattern, Couplings) {
     let is_free = |block: u32| !numbering.is_fixed(block);
     let mut triplets = Vec::new();
     let mut ends = Vec::new();

@@ -155,6 +155,17 @@ pub trait Emitter: Send + Sync {
         0
     }
 
+    /// Hands over the free blocks of the term of each of these numbers, none where it joins
+    /// fixed ones only, and half of a bound, in N/m, on the eigenvalues of its Hessian.
+    fn each_carried_term(&self, _visit: &mut dyn FnMut(&[u32], f64)) {}
+
+    /// The terms alone whose carried numbers are `kept` and that have a free block, with
+    /// blocks known, and which of these numbers each of its own is; `None` if it cannot be
+    /// taken apart.
+    fn part(&self, _numbering: &Numbering, _kept: &[bool]) -> Option<(Box<dyn Emitter>, Vec<u32>)> {
+        None
+    }
+
     /// These numbers at `x`.
     fn carried(&self, _x: &[Vector3<f64>], _carried: &mut [f64]) {}
 

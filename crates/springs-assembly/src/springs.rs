@@ -298,7 +298,7 @@ impl Springs<Spring> {
     }
 }
 
-impl<L: LengthLaw + Clone + Send + Sync> Emitter for Springs<L> {
+impl<L: LengthLaw + Clone + Send + Sync + 'static> Emitter for Springs<L> {
     fn name(&self) -> &str {
         &self.name
     }
@@ -458,6 +458,33 @@ impl<L: LengthLaw + Clone + Send + Sync> Emitter for Springs<L> {
 
     fn n_carried(&self) -> usize {
         self.len()
+    }
+
+    fn each_carried_term(&self, visit: &mut dyn FnMut(&[u32], f64)) {
+        for (index, law) in self.laws.iter().enumerate() {
+            visit(self.connections.free_ends(index), law.largest_stiffness());
+        }
+    }
+
+    fn part(&self, numbering: &Numbering, kept: &[bool]) -> Option<(Box<dyn Emitter>, Vec<u32>)> {
+        let kept: Vec<usize> = self
+            .connections
+            .live()
+            .filter(|&index| kept[index])
+            .collect();
+        let ends = self.connections.ends();
+        let springs = kept.iter().map(|&index| SpringBetween {
+            nodes: ends[index].map(|block| numbering.node(block as usize)),
+            law: self.laws[index].clone(),
+        });
+        let springs: Vec<_> = springs.collect();
+        let mut part = Self {
+            stiffness: self.stiffness,
+            ..Self::with_index(&self.name, &springs, kept)
+        };
+        part.number(numbering);
+        let of_whole = part.index.iter().map(|&index| index as u32).collect();
+        Some((Box::new(part), of_whole))
     }
 
     fn add_forces_on_all(

@@ -4,7 +4,9 @@ mod bounds;
 mod changes;
 mod energies;
 mod memory;
+mod part;
 
+pub use self::part::SystemPart;
 use crate::guides::Guides;
 use crate::prescribed::Prescribed;
 use crate::{

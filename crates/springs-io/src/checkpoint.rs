@@ -199,10 +199,10 @@ mod tests {
         assert_eq!(fault_of(other), Some(CheckpointFault::NoCheckpoint));
         write_checkpoint(&path, &checkpoint()).unwrap();
         let mut bytes = std::fs::read(&path).unwrap();
-        bytes[MAGIC.len()] = 9;
+        bytes[MAGIC.len()] = 200;
         std::fs::write(&path, &bytes).unwrap();
         let version = read_checkpoint(&path).unwrap_err();
-        let other = CheckpointFault::OtherVersion { found: 9 };
+        let other = CheckpointFault::OtherVersion { found: 200 };
         assert_eq!(fault_of(version), Some(other));
     }
 }

@@ -4,7 +4,8 @@ mod trial;
 
 use crate::control::controller::{Controller, Schedule};
 use crate::control::costs::CostModel;
-use crate::control::trials::{Abandoned, EqualSteps, Trials, Unsettled, equal_steps};
+use crate::control::trials::{Abandoned, Budget, EqualSteps, Trials, Unsettled, equal_steps};
+use crate::method::stiff_springs::{is_of_one_kind, stiff_springs};
 use crate::method::table::{Attempt, Properties, methods};
 use crate::work::Counts;
 use crate::{Anchors, Archive, Choice, Method, SetupError, State, StepPlan};
@@ -84,6 +85,9 @@ const USUAL_TRIAL_STEPS: f64 = 120.0;
 /// change their steps cost so many times as much: a step of filtered leapfrog takes one
 /// solution, a step of TR-BDF2 four or so, of about the same size.
 const FAR: f64 = 6.0;
+/// Springs that are stiff for steps are looked for in steps of so many halves of the
+/// duration.
+const MOST_HALVINGS: i32 = 16;
 /// However dear the alternative seems, nobody waits for more.
 const MOST_TRIAL_STEPS: f64 = 1e6;
 /// Adaptive steps cost more than they seem to at the start, where most scenes
@@ -261,19 +265,24 @@ impl Auto {
         let to_beat = self.price * duration;
         // Explicit steps keep what they promise: stability bounds them.
         let is_explicit = self.candidates[self.current].is_explicit();
-        if is_explicit && with_matrix > FAR * self.price {
-            return Ok(None);
-        }
         let from_rest = if is_explicit { 1.0 } else { FROM_REST };
         let (budget, fewest) = (TRIAL_RUNS * from_rest * to_beat, FEWEST_TRIAL_STEPS);
+        // Where few springs are stiff, matrices with all of them say nothing of these steps.
+        let mut halvings = (3..MOST_HALVINGS).map(|k| duration * 0.5f64.powi(k));
+        let has_few_stiff =
+            !is_of_one_kind(system) && halvings.any(|h| stiff_springs(system, h).is_some());
+        let is_too_dear = |cost: f64| cost > budget && !has_few_stiff;
+        if is_explicit && !has_few_stiff && with_matrix > FAR * self.price {
+            return Ok(None);
+        }
         // What cannot be built is no choice.
-        if fewest * self.costs.step_with_matrix() > budget
+        if is_too_dear(fewest * self.costs.step_with_matrix())
             || self.costs.learn_system(system).is_err()
         {
             return Ok(None);
         }
-        let step = self.costs.step_with_matrix() + self.costs.attempt();
-        if self.costs.analysis + fewest * step > budget {
+        let usual = self.costs.step_with_matrix() + self.costs.attempt();
+        if is_too_dear(self.costs.analysis + fewest * usual) {
             return Ok(None);
         }
         let choice = Choice {
@@ -284,15 +293,29 @@ impl Auto {
             return Ok(None);
         };
         method.set_interrupt(&self.interrupt);
+        let costs = &self.costs;
+        let of_step = |method: &mut dyn Method, h: f64| match method.price_at(system, h) {
+            Some(price) => costs.step_with_price(price) + costs.attempt(),
+            None => usual,
+        };
         let affordable = if is_explicit {
-            budget / step
+            budget
         } else {
-            (budget / step).max(USUAL_TRIAL_STEPS)
+            budget.max(USUAL_TRIAL_STEPS * usual)
         }
-        .min(MOST_TRIAL_STEPS);
-        let task = (duration, tolerance);
-        let steps = equal_steps((system, anchors), &mut *method, task, affordable, trials)?;
-        let is_cheaper = |steps: &EqualSteps| steps.n as f64 * step < from_rest * to_beat;
+        .min(MOST_TRIAL_STEPS * usual);
+        let (task, budget) = (
+            (duration, tolerance),
+            Budget {
+                all: affordable,
+                of_step: &of_step,
+            },
+        );
+        let steps = equal_steps((system, anchors), &mut *method, task, budget, trials)?;
+        let is_cheaper = |steps: &EqualSteps| {
+            let of_step = of_step(&mut *method, duration / steps.n as f64);
+            steps.n as f64 * of_step < from_rest * to_beat
+        };
         Ok(steps.filter(is_cheaper).map(|steps| {
             method.restart();
             Settled {

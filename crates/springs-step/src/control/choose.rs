@@ -2,7 +2,9 @@
 
 use crate::control::auto::{Auto, Picked};
 use crate::control::controller::{Controller, Schedule};
-use crate::control::trials::{EqualSteps, Trials, Unsettled, equal_steps};
+use crate::control::costs::CostModel;
+use crate::control::trials::{Budget, EqualSteps, Trials, Unsettled, equal_steps};
+use crate::method::stiff_springs::is_of_one_kind;
 use crate::method::table::properties;
 use crate::{Anchors, Choice, Method, Pace, SetupError, Splitting, StepPlan};
 use springs_assembly::System;
@@ -165,7 +167,25 @@ pub(crate) fn settle_equal_steps(
     trials: &mut Trials<'_>,
 ) -> Result<EqualSteps, Unsettled> {
     let task = (controller.left(), controller.tolerance());
-    let steps = equal_steps(compiled, method, task, MOST_TRIAL_STEPS, trials)?;
+    // Steps of all sizes cost the same, unless matrices have fewer springs in some.
+    let costs = if is_of_one_kind(compiled.0) {
+        None
+    } else {
+        CostModel::new(compiled.0).ok()
+    };
+    let of_whole = costs.as_ref().map_or(1.0, CostModel::step_with_matrix);
+    let of_step = |method: &mut dyn Method, h: f64| {
+        let of_part = costs.as_ref().and_then(|costs| {
+            let price = method.price_at(compiled.0, h)?;
+            Some(costs.step_with_price(price))
+        });
+        of_part.unwrap_or(of_whole)
+    };
+    let budget = Budget {
+        all: MOST_TRIAL_STEPS * of_whole,
+        of_step: &of_step,
+    };
+    let steps = equal_steps(compiled, method, task, budget, trials)?;
     method.restart();
     steps.ok_or(Unsettled::NotReached)
 }

@@ -144,6 +144,11 @@ impl CostModel {
         self.linearization + matrix + solution + USUAL_ITERATIONS * iteration
     }
 
+    /// Where the matrix has a few terms only, with this price: forces and tensions of all.
+    pub(super) fn step_with_price(&self, price: Price) -> f64 {
+        2.0 * self.force + price.matrix + price.solution
+    }
+
     pub(super) fn attempt_with_matrix(&self) -> f64 {
         USUAL_STEPS * self.step_with_matrix()
     }

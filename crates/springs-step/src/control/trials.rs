@@ -93,6 +93,13 @@ const REGULAR: f64 = 2.0;
 /// tolerance, each with steps half as long.
 const MOST_FAILURES: u32 = 12;
 
+/// What trial runs with equal steps may cost.
+pub(crate) struct Budget<'a> {
+    pub(crate) all: f64,
+    /// What a step of some size in s costs.
+    pub(crate) of_step: &'a dyn Fn(&mut dyn Method, f64) -> f64,
+}
+
 /// Finds the number of equal steps from whole runs with 8, 16, 32, … of them,
 /// by Richardson's estimate of the error (Hairer, Nørsett, Wanner: Solving
 /// Ordinary Differential Equations I, 1993, II.4). For methods that must not
@@ -105,13 +112,13 @@ const MOST_FAILURES: u32 = 12;
 /// order says: three runs have to agree. A number of steps that was not tried is
 /// taken only where errors fell as the order says twice: from four runs.
 ///
-/// `None` if that takes more than `affordable` steps in trial runs, or if a dozen
+/// `None` if trial runs cost more than the budget, or if a dozen
 /// runs one after the other fail or leave the tolerance to rounding.
 pub(crate) fn equal_steps(
     (system, anchors): (&System, &Anchors),
     method: &mut dyn Method,
     (duration, tolerance): (f64, f64),
-    affordable: f64,
+    budget: Budget<'_>,
     trials: &mut Trials<'_>,
 ) -> Result<Option<EqualSteps>, Abandoned> {
     let order = method.order() as i32;
@@ -119,10 +126,12 @@ pub(crate) fn equal_steps(
     let mut coarse: Option<Samples> = None;
     let mut coarse_error = f64::INFINITY;
     let mut was_regular = false;
-    let (mut n, mut made, mut failures) = (trials.fewest_steps, 0.0, 0);
+    let mut of_step = |n: u64| (budget.of_step)(method, duration / n as f64);
+    let mut n = first_run(trials.fewest_steps, budget.all, &mut of_step);
+    let (mut spent, mut failures) = (0.0, 0);
     loop {
-        made += n as f64;
-        if made > affordable || failures == MOST_FAILURES {
+        spent += n as f64 * (budget.of_step)(method, duration / n as f64);
+        if spent > budget.all || failures == MOST_FAILURES {
             return Ok(None);
         }
         let fine = run((system, anchors), method, duration, n, trials)?;
@@ -154,6 +163,22 @@ pub(crate) fn equal_steps(
         n *= 2;
     }
 }
+
+/// Steps of the first trial run: the fewest, unless steps of finer ones cost so little that
+/// three of these are made sooner than all that are coarser, and within the budget.
+fn first_run(fewest: u64, budget: f64, of_step: &mut dyn FnMut(u64) -> f64) -> u64 {
+    let of_coarse = of_step(fewest);
+    let mut finer = (1..MOST_DOUBLINGS).map(|k| fewest << k);
+    let is_cheap = |&n: &u64| {
+        let of_three = THREE_RUNS * of_step(n);
+        of_three < of_coarse && of_three * n as f64 <= budget
+    };
+    finer.find(is_cheap).unwrap_or(fewest)
+}
+
+/// n, 2n and 4n steps beside n.
+const THREE_RUNS: f64 = 7.0;
+const MOST_DOUBLINGS: u32 = 13;
 
 /// Positions of the free blocks, in m, at equally spaced times.
 type Samples = Vec<Vec<Vector3<f64>>>;

@@ -3,7 +3,7 @@
 use crate::implicit::checked_solver::{CheckCounts, CheckedSolver};
 use crate::implicit::components::Components;
 use crate::implicit::solver_options::{
-    Hessian, Reduced, Steps, checked_solver, is_constant, reduced,
+    Hessian, Reduced, Steps, checked_solver, is_constant, reduced, solver_with_factor,
 };
 use crate::threads::threads;
 use crate::vectors::{blocks_of, numbers_mut};
@@ -12,7 +12,7 @@ use crate::{Archive, MethodError, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::{Evaluation, Linearization, Projection, System, Weights};
 use springs_scene::{LinearTolerance, RunOptions};
-use springs_solver::{Interrupt, SolveError, StrategyState};
+use springs_solver::{Interrupt, Price, SolveError, StrategyState};
 
 /// Forces and matrix of a method at one state, and the solver of their systems.
 pub(crate) struct LinearSystem {
@@ -94,10 +94,29 @@ impl LinearSystem {
         hessian: Hessian,
         run: &RunOptions,
     ) -> Result<Self, SolveError> {
+        let solver = checked_solver(system, hessian, Steps::Equal, run)?;
+        Ok(Self::with_solver(system, hessian, run, solver))
+    }
+
+    /// The same, always with a factor: it learns nothing that would have to be saved.
+    pub(crate) fn with_factor(
+        system: &System,
+        hessian: Hessian,
+        run: &RunOptions,
+    ) -> Result<Self, SolveError> {
+        let solver = solver_with_factor(system, hessian, run)?;
+        Ok(Self::with_solver(system, hessian, run, solver))
+    }
+
+    fn with_solver(
+        system: &System,
+        hessian: Hessian,
+        run: &RunOptions,
+        mut solver: CheckedSolver,
+    ) -> Self {
         let mut setup = Work::default();
         setup.counts.symbolic_factorizations += 1;
-        let mut solver = checked_solver(system, hessian, Steps::Equal, run)?;
-        Ok(Self {
+        Self {
             of_estimates: *solver.strategy_state(),
             solver,
             hessian,
@@ -114,7 +133,12 @@ impl LinearSystem {
             projected: Vec::new(),
             setup,
             interrupt: Interrupt::default(),
-        })
+        }
+    }
+
+    /// What a matrix and a solution with a factor cost.
+    pub(crate) fn factor_price(&self) -> Price {
+        self.solver.factor_price()
     }
 
     /// Prepares for steps of changing size, where even a matrix that depends on

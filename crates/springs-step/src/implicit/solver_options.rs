@@ -163,6 +163,21 @@ pub(crate) fn checked_solver(
     CheckedSolver::analyze(system.n_free(), system.pattern().pairs(), options, normal)
 }
 
+/// The same, always with a factor.
+pub(crate) fn solver_with_factor(
+    system: &System,
+    hessian: Hessian,
+    run: &RunOptions,
+) -> Result<CheckedSolver, SolveError> {
+    let positions = positions_of(system);
+    let (options, normal) = solver_options(system, hessian, Steps::Equal, positions, threads(run));
+    let options = Options {
+        strategy: Strategy::Double,
+        ..options
+    };
+    CheckedSolver::analyze(system.n_free(), system.pattern().pairs(), options, normal)
+}
+
 /// Positions of the free blocks as plain arrays.
 pub(crate) fn positions_of(system: &System) -> &[[f64; 3]] {
     blocks_of(&system.initial_positions()[..system.n_free()])

@@ -4,11 +4,12 @@ use crate::flows::Impulses;
 use crate::implicit::linear::{LinearSystem, Linearized, OnDemand, Purpose};
 use crate::implicit::solver_options::Hessian;
 use crate::implicit::stage::Stage;
+use crate::method::stiff_springs::{StiffSprings, stiff_springs};
 use crate::{Anchors, Archive, ErrorEstimate, Flows, Interval, Method, MethodError, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::{Evaluation, System, Weights};
 use springs_scene::RunOptions;
-use springs_solver::{Interrupt, SolveError};
+use springs_solver::{Interrupt, Price, SolveError};
 
 /// v½ = v + ½h a, x' = x + h v½, v' = v½ + ½h a' with
 /// (M + ½hD + αh²S) a' = f(x', v½), where S is the Hessian with across
@@ -21,10 +22,27 @@ use springs_solver::{Interrupt, SolveError};
 /// the across part of S turns neighbours against each other. α = 0.3: ¼ would
 /// do for one linear spring, but blows up when very stiff springs turn.
 ///
+/// Where few springs are stiff for the step, S may have these alone (with a tolerance it
+/// has): the others, with
+/// h²·(2/m)·ΣK ≤ 2 at every node, act as in velocity Verlet (implicit-explicit as in Stern
+/// and Grinspun, Multiscale Model. Simul. 7, 2009). Since h²λ ≤ (σ + 2)/(1 + ασ) < 4 for the
+/// largest λ of all and any σ of the stiff ones, that is as stable as with all of them.
+///
 /// Stiff springs are longer by about αh² times the acceleration they hold, so
 /// the step must not shrink on the way: what it held is then let go.
 pub struct FilteredLeapfrog {
     linear: LinearSystem,
+    /// In place of it, where few springs are stiff.
+    stiff: Option<StiffSprings>,
+    is_stiff: Option<Vec<bool>>,
+    /// The step size that these were chosen for, in s.
+    chosen_for: f64,
+    /// And that they were counted for.
+    counted_for: f64,
+    /// Nobody changed anything that the choice depends on.
+    may_choose: bool,
+    options: RunOptions,
+    interrupt: Interrupt,
     /// Where there are massless nodes, which start in balance.
     start: Option<Stage>,
     accelerations: Vec<Vector3<f64>>,
@@ -55,6 +73,13 @@ impl FilteredLeapfrog {
         let powers = vec![0.0; zeros.len() - system.n_free()];
         Ok(Self {
             linear: LinearSystem::new(system, Hessian::Altered, options)?,
+            stiff: None,
+            is_stiff: None,
+            chosen_for: 0.0,
+            counted_for: 0.0,
+            may_choose: false,
+            options: *options,
+            interrupt: Interrupt::default(),
             start: if system.masses().contains(&0.0) {
                 Some(Stage::new(system, options)?)
             } else {
@@ -72,6 +97,32 @@ impl FilteredLeapfrog {
         })
     }
 
+    /// The same with the stiff springs alone in S, where these are few; then results differ
+    /// by as much as other steps of order 2 would.
+    pub fn with_stiff_springs_alone(self, system: &System) -> Self {
+        Self {
+            may_choose: !system.has_memory(),
+            ..self
+        }
+    }
+
+    /// Chooses the springs that the matrix has, for steps of size `h`, in s.
+    fn choose(&mut self, system: &System, h: f64) -> Result<(), SolveError> {
+        if self.chosen_for == h {
+            return Ok(());
+        }
+        let is_stiff = stiff_springs(system, h).filter(|_| self.may_choose);
+        if is_stiff != self.is_stiff {
+            self.stiff = match &is_stiff {
+                Some(kept) => StiffSprings::new(system, kept, &self.options, &self.interrupt)?,
+                None => None,
+            };
+            self.is_stiff = is_stiff;
+        }
+        self.chosen_for = h;
+        Ok(())
+    }
+
     /// Accelerations at a time, at positions of `state` and velocities that are `behind`,
     /// in s, those times, from and into `next_*`.
     fn accelerate(
@@ -87,19 +138,30 @@ impl FilteredLeapfrog {
             damping: behind,
             stiffness: ALPHA * h * h,
         };
+        work.counts.force_evaluations += 1;
+        let has_all = self.stiff.is_none();
+        let (matrix_of, linear, carried) = match &mut self.stiff {
+            None => (system, &mut self.linear, &*self.next_tensions),
+            Some(stiff) => {
+                stiff.take_tensions(&self.next_tensions);
+                (&stiff.system, &mut stiff.linear, &*stiff.tensions)
+            }
+        };
         let at = Evaluation {
-            carried: Some(&*self.next_tensions),
+            carried: Some(carried),
             ..Evaluation::new(&state.x, &state.v, weights)
         };
-        work.counts.force_evaluations += 1;
-        let taken = self.linear.linearize_and_solve(
-            system,
+        let taken = linear.linearize_and_solve(
+            matrix_of,
             Linearized {
                 at,
                 on_demand: OnDemand::Clamp,
                 purpose: Purpose::Step,
             },
             |out, accelerations| {
+                if !has_all {
+                    system.static_forces(&state.x, &mut out.forces);
+                }
                 system.add_damping_and_loads(time, &state.x, &state.v, &mut out.forces);
                 accelerations.copy_from_slice(&out.forces);
             },
@@ -111,15 +173,15 @@ impl FilteredLeapfrog {
             let powers = &mut self.next_anchor_powers;
             powers.fill(0.0);
             system.add_anchor_works(1.0, &state.x, &state.v, powers);
-            system.add_anchor_work_changes(&taken, &self.next_accelerations, powers);
+            matrix_of.add_anchor_work_changes(&taken, &self.next_accelerations, powers);
         }
         // What the filter leaves of the tension.
-        system.predict_carried(
-            &state.x,
-            &self.next_accelerations,
-            ALPHA * h * h,
-            &mut self.next_tensions,
-        );
+        let (x, a, time) = (&state.x, &self.next_accelerations, ALPHA * h * h);
+        let tensions = &mut self.next_tensions;
+        match &mut self.stiff {
+            None => system.predict_carried(x, a, time, tensions),
+            Some(stiff) => stiff.predict_tensions(system, x, a, time, tensions),
+        }
         Ok(())
     }
 }
@@ -134,7 +196,11 @@ impl Method for FilteredLeapfrog {
     }
 
     fn set_interrupt(&mut self, interrupt: &Interrupt) {
+        self.interrupt = interrupt.clone();
         self.linear.set_interrupt(interrupt);
+        if let Some(stiff) = &mut self.stiff {
+            stiff.linear.set_interrupt(interrupt);
+        }
         if let Some(start) = &mut self.start {
             start.set_interrupt(interrupt);
         }
@@ -147,6 +213,13 @@ impl Method for FilteredLeapfrog {
     fn forces_jumped(&mut self, system: &System) {
         system.clear_broken(&mut self.tensions);
         self.is_stale = true;
+        (self.may_choose, self.chosen_for) = (false, 0.0);
+    }
+
+    fn price_at(&mut self, system: &System, h: f64) -> Option<Price> {
+        self.choose(system, h).ok()?;
+        let stiff = self.stiff.as_ref()?;
+        Some(stiff.linear.factor_price())
     }
 
     fn step(
@@ -158,6 +231,11 @@ impl Method for FilteredLeapfrog {
         work: &mut Work,
     ) -> Result<Option<ErrorEstimate>, MethodError> {
         let h = interval.size;
+        self.choose(system, h).map_err(MethodError::of)?;
+        if let Some(stiff) = self.stiff.as_ref().filter(|_| self.counted_for != h) {
+            *work += stiff.linear.setup();
+            self.counted_for = h;
+        }
         // Accelerations filtered for another step would excite vibrations.
         if self.filtered_for != h {
             if let Some(start) = &mut self.start {
@@ -208,6 +286,8 @@ impl Method for FilteredLeapfrog {
         if let Some(start) = &mut self.start {
             start.archive(archive);
         }
+        archive.flag(&mut self.may_choose);
+        archive.real(&mut self.counted_for);
         archive.real(&mut self.filtered_for);
         archive.flag(&mut self.is_stale);
         archive.reals(&mut self.anchor_powers);

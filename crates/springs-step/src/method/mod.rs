@@ -9,6 +9,7 @@ pub(crate) mod linearly_implicit_euler;
 mod passes;
 pub(crate) mod rodas4;
 pub(crate) mod splitting;
+pub(crate) mod stiff_springs;
 pub(crate) mod table;
 pub(crate) mod tr_bdf2;
 pub(crate) mod verlet_pairs;
@@ -17,7 +18,7 @@ pub(crate) mod weighing;
 use crate::{Anchors, Archive, Flows, MethodError, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::System;
-use springs_solver::{Interrupt, SolveError};
+use springs_solver::{Interrupt, Price, SolveError};
 
 /// The time span of one step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -93,6 +94,12 @@ pub trait Method: Send {
     /// estimate cannot be relied on.
     fn longest_step(&self, _system: &System) -> f64 {
         f64::INFINITY
+    }
+
+    /// What a matrix and its solution will cost in steps of size `h` in s, where the matrix
+    /// has fewer terms than the system.
+    fn price_at(&mut self, _system: &System, _h: f64) -> Option<Price> {
+        None
     }
 
     /// Whom to hear during a step that may take long: asked to stop, it ends soon

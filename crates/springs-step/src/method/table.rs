@@ -213,7 +213,13 @@ static TABLE: [Properties; 10] = [
         keeps_step: true,
         is_compared_by_steps: true,
         hessian: |_| Some(Hessian::Altered),
-        build: |system, choice| Ok(Box::new(FilteredLeapfrog::new(system, &choice.options)?)),
+        build: |system, choice| {
+            let method = FilteredLeapfrog::new(system, &choice.options)?;
+            Ok(Box::new(match choice.pace {
+                Pace::Fixed(_) => method,
+                Pace::Tolerance(_) => method.with_stiff_springs_alone(system),
+            }))
+        },
         ..implicit(scene::Method::FilteredLeapfrog)
     },
     Properties {
