@@ -23,10 +23,10 @@ use springs_solver::{Interrupt, Price, SolveError};
 /// do for one linear spring, but blows up when very stiff springs turn.
 ///
 /// Where few springs are stiff for the step, S may have these alone (with a tolerance it
-/// has): the others, with
-/// h²·(2/m)·ΣK ≤ 2 at every node, act as in velocity Verlet (implicit-explicit as in Stern
-/// and Grinspun, Multiscale Model. Simul. 7, 2009). Since h²λ ≤ (σ + 2)/(1 + ασ) < 4 for the
-/// largest λ of all and any σ of the stiff ones, that is as stable as with all of them.
+/// has): the others, with h²·(2/m)·ΣK ≤ 2 at every node, act as in velocity Verlet
+/// (implicit-explicit as in Stern and Grinspun, Multiscale Model. Simul. 7, 2009). Since
+/// h²λ ≤ (σ + 2)/(1 + ασ) < 4 for the largest λ of all and any σ ≥ 0 of the stiff ones, that
+/// is stable for linear springs.
 ///
 /// Stiff springs are longer by about αh² times the acceleration they hold, so
 /// the step must not shrink on the way: what it held is then let go.
