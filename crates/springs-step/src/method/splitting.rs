@@ -19,10 +19,11 @@ use springs_solver::SolveError;
 ///
 /// Compositions of Blanes and Moan estimate their errors with the accelerations aᵢ of
 /// their stages alone, once steps of [changing size](Method::expect_changing_steps) are
-/// expected: e_v = h Σ dᵢ aᵢ and e_x = h² Σ gᵢ aᵢ. The weights d and g are such that
-/// both vanish up to the orders that [`ErrorWeights`] says, whatever the forces: they are
-/// orthogonal to all conditions of Runge–Kutta–Nyström methods of lower order (Hairer,
-/// Nørsett, Wanner: Solving Ordinary Differential Equations I, 1993, II.14).
+/// expected: e_v = h Σ dᵢ aᵢ and e_x = h² Σ gᵢ aᵢ. The weights d and g are such that, whatever
+/// the forces, both are of the order of the method's own errors, but for e_v of order 6, which
+/// is of one less: they are orthogonal to all conditions of Runge–Kutta–Nyström methods of
+/// lower order (Hairer, Nørsett, Wanner: Solving Ordinary Differential Equations I, 1993,
+/// II.14).
 pub struct Splitting {
     order: u32,
     kicks: Vec<f64>,
