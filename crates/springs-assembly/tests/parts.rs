@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 use springs_assembly::{Evaluation, System, Weights, compile};
 use springs_scene::generate::{Material, cloth};
-use springs_scene::{Node, Scene, SpringLaw};
+use springs_scene::{Guide, Node, Scene, SpringLaw};
 
 /// A cloth with springs that only pull, anchors, and one spring twice.
 fn scene() -> Scene {
@@ -87,7 +87,9 @@ fn damping_and_guides_keep_a_system_together() {
         drag: Some(0.1),
         ..dragged.nodes[0]
     };
-    for scene in [damped, dragged] {
+    let mut guided = scene();
+    guided.nodes[0].guide = Some(Guide::Held([true, false, false]));
+    for scene in [damped, dragged, guided] {
         let system = compile(&scene).unwrap();
         assert!(system.part(&vec![true; system.n_carried()]).is_none());
     }

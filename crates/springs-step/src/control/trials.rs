@@ -234,3 +234,23 @@ fn distance(a: &Samples, b: &Samples) -> f64 {
         }
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn trial_runs_begin_where_steps_are_cheap() {
+        let from = |cheap_from: u64, price: f64, budget: f64| {
+            first_run(8, budget, &mut |n| {
+                if n < cheap_from { 100.0 } else { price }
+            })
+        };
+        assert_eq!(from(64, 10.0, 1e9), 64);
+        // Seven of them cost as much as a coarse one, or there are none.
+        assert_eq!(from(64, 15.0, 1e9), 8);
+        assert_eq!(from(u64::MAX, 10.0, 1e9), 8);
+        // Three runs are beyond the budget.
+        assert_eq!(from(64, 10.0, 4000.0), 8);
+    }
+}

@@ -199,7 +199,7 @@ impl LinearSystem {
 
     /// How many solutions cost as much as a matrix does, if it gets a factor.
     pub(crate) fn solutions_per_matrix(&self) -> f64 {
-        let price = self.solver.factor_price();
+        let price = self.factor_price();
         price.matrix / price.solution
     }
 

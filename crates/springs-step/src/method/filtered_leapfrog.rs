@@ -34,7 +34,6 @@ pub struct FilteredLeapfrog {
     linear: LinearSystem,
     /// In place of it, where few springs are stiff.
     stiff: Option<StiffSprings>,
-    is_stiff: Option<Vec<bool>>,
     /// The step size that these were chosen for, in s.
     chosen_for: f64,
     /// And that they were counted for.
@@ -74,7 +73,6 @@ impl FilteredLeapfrog {
         Ok(Self {
             linear: LinearSystem::new(system, Hessian::Altered, options)?,
             stiff: None,
-            is_stiff: None,
             chosen_for: 0.0,
             counted_for: 0.0,
             may_choose: false,
@@ -99,9 +97,9 @@ impl FilteredLeapfrog {
 
     /// The same with the stiff springs alone in S, where these are few; then results differ
     /// by as much as other steps of order 2 would.
-    pub fn with_stiff_springs_alone(self, system: &System) -> Self {
+    pub fn with_stiff_springs_alone(self) -> Self {
         Self {
-            may_choose: !system.has_memory(),
+            may_choose: true,
             ..self
         }
     }
@@ -111,13 +109,16 @@ impl FilteredLeapfrog {
         if self.chosen_for == h {
             return Ok(());
         }
-        let is_stiff = stiff_springs(system, h).filter(|_| self.may_choose);
-        if is_stiff != self.is_stiff {
-            self.stiff = match &is_stiff {
+        let kept = if self.may_choose {
+            stiff_springs(system, h)
+        } else {
+            None
+        };
+        if kept.as_ref() != self.stiff.as_ref().map(|stiff| &stiff.kept) {
+            self.stiff = match kept {
                 Some(kept) => StiffSprings::new(system, kept, &self.options, &self.interrupt)?,
                 None => None,
             };
-            self.is_stiff = is_stiff;
         }
         self.chosen_for = h;
         Ok(())

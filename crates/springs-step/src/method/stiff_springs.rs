@@ -20,6 +20,8 @@ const OF_ONE_KIND: f64 = 30.0;
 pub(super) struct StiffSprings {
     pub(super) system: System,
     pub(super) linear: LinearSystem,
+    /// As [`stiff_springs`] gave it.
+    pub(super) kept: Vec<bool>,
     /// Which number that methods may carry each of its tensions is in the whole system.
     of_whole: Vec<u32>,
     /// Tensions that the matrix is made with, in N, and then those that the step predicts.
@@ -30,11 +32,11 @@ impl StiffSprings {
     /// `None` if they cannot be told apart from the rest.
     pub(super) fn new(
         system: &System,
-        kept: &[bool],
+        kept: Vec<bool>,
         options: &RunOptions,
         interrupt: &Interrupt,
     ) -> Result<Option<Self>, SolveError> {
-        let Some(SystemPart { system, of_whole }) = system.part(kept) else {
+        let Some(SystemPart { system, of_whole }) = system.part(&kept) else {
             return Ok(None);
         };
         let mut linear = LinearSystem::with_factor(&system, Hessian::Altered, options)?;
@@ -43,6 +45,7 @@ impl StiffSprings {
             tensions: vec![0.0; of_whole.len()],
             system,
             linear,
+            kept,
             of_whole,
         }))
     }
@@ -92,7 +95,8 @@ pub(crate) fn is_of_one_kind(system: &System) -> bool {
 /// A spring is soft if at both ends it and all that are not stiffer are, so that neither
 /// order nor names matter.
 pub(crate) fn stiff_springs(system: &System, h: f64) -> Option<Vec<bool>> {
-    if system.is_damped() || matches!(system.motion(), Motion::Line(_)) || is_of_one_kind(system) {
+    let is_whole = system.is_damped() || system.has_memory() || system.guided().next().is_some();
+    if is_whole || matches!(system.motion(), Motion::Line(_)) || is_of_one_kind(system) {
         return None;
     }
     let masses = system.masses();
@@ -161,7 +165,10 @@ mod tests {
         let stiff = |h: f64| stiff_springs(&system, h);
         let found = stiff(1e-2).unwrap();
         assert_eq!(found.iter().filter(|&&is| is).count(), 3);
-        system_of(&system, &found, 3);
+        let part = system.part(&found).unwrap();
+        assert_eq!(part.system.n_carried(), 3);
+        assert_eq!(part.system.pattern().pairs().len(), 3);
+        assert!(part.of_whole.iter().all(|&whole| found[whole as usize]));
         // Neither where all are stiff nor where none is.
         assert_eq!(stiff(1.0), None);
         assert_eq!(stiff(1e-4), None);
@@ -170,12 +177,5 @@ mod tests {
             stiff_springs(&compile(&bars(9, 1e3, 1e2)).unwrap(), 0.03),
             None
         );
-    }
-
-    fn system_of(system: &System, kept: &[bool], n: usize) {
-        let part = system.part(kept).unwrap();
-        assert_eq!(part.system.n_carried(), n);
-        assert_eq!(part.system.pattern().pairs().len(), n);
-        assert!(part.of_whole.iter().all(|&whole| kept[whole as usize]));
     }
 }
