@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// second one ends the program at once. The exit code is 130 either way.
 pub(crate) struct Signals {
     is_interrupted: Arc<AtomicBool>,
-    /// Whether the next signal ends the program.
+    /// Whether any signal ends the program.
     ends_at_once: Arc<AtomicBool>,
 }
 
@@ -24,12 +24,21 @@ impl Signals {
             is_interrupted: Arc::default(),
             ends_at_once: Arc::new(AtomicBool::new(true)),
         };
-        for signal in ending_signals() {
-            // The order counts: the first signal must not find what it sets.
-            let code = c_int::from(EXIT_INTERRUPTED);
-            let _ = flag::register_conditional_shutdown(signal, code, signals.ends_at_once.clone())
-                .and_then(|_| flag::register(signal, signals.ends_at_once.clone()))
-                .and_then(|_| flag::register(signal, signals.is_interrupted.clone()));
+        let ending = ending_signals();
+        let noted: Vec<Arc<AtomicBool>> = ending.iter().map(|_| Arc::default()).collect();
+        for (&signal, own) in ending.iter().zip(&noted) {
+            let ends_if = |flag: &Arc<AtomicBool>| {
+                let code = c_int::from(EXIT_INTERRUPTED);
+                flag::register_conditional_shutdown(signal, code, flag.clone())
+            };
+            // In this order: a signal must not find what it sets itself, and of two that
+            // threads take at the same time, one must find the other.
+            let others = noted.iter().filter(|flag| !Arc::ptr_eq(flag, own));
+            let _ = ends_if(&signals.ends_at_once)
+                .and_then(|_| ends_if(own))
+                .and_then(|_| flag::register(signal, own.clone()))
+                .and_then(|_| flag::register(signal, signals.is_interrupted.clone()))
+                .and_then(|last| others.map(ends_if).try_fold(last, |_, id| id));
         }
         // Where a file reaches a size that is not allowed, the system sends this
         // signal, which ends a program that does not watch it without a word.
