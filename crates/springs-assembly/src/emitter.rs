@@ -1,7 +1,7 @@
 //! Emitters: what gives energy, force and force gradient.
 
 use crate::{Linearization, Numbering};
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use springs_math::dashpot::Fading;
 use springs_math::spring::Spring;
 
@@ -159,6 +159,23 @@ pub trait Emitter: Send + Sync {
     /// fixed ones only, and half of a bound, in N/m, on the eigenvalues of its Hessian.
     fn each_carried_term(&self, _visit: &mut dyn FnMut(&[u32], f64)) {}
 
+    /// Adds to every free block what its terms give, in N/m, against a move of that block
+    /// alone, with carried numbers in place of those at `x`.
+    fn add_own_stiffness(&self, _x: &[Vector3<f64>], _carried: &[f64], _own: &mut [OwnStiffness]) {}
+
+    /// Adds −`scale`·(dH/dt)·v to all blocks, fixed ones too, in N for a scale in s², as far as
+    /// it acts along springs with a free end: dH/dt is how its Hessian, with carried numbers,
+    /// changes when all blocks move on with `v`.
+    fn add_turning_forces(
+        &self,
+        _x: &[Vector3<f64>],
+        _v: &[Vector3<f64>],
+        _carried: &[f64],
+        _scale: f64,
+        _forces: &mut [Vector3<f64>],
+    ) {
+    }
+
     /// The terms alone whose carried numbers are `kept` and that have a free block, with
     /// blocks known, and which of these numbers each of its own is; `None` if it cannot be
     /// taken apart.
@@ -278,6 +295,15 @@ pub trait Emitter: Send + Sync {
     fn most_strained_at(&self, _block: usize, _x: &[Vector3<f64>]) -> Option<Strained> {
         None
     }
+}
+
+/// What the terms of carried numbers give, in N/m, against a move of one block alone.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct OwnStiffness {
+    /// Without these numbers: along springs.
+    pub along: Matrix3<f64>,
+    /// What those of them bring that are positive: across springs that pull.
+    pub across: Matrix3<f64>,
 }
 
 /// The numbers of a spring that may change between steps.

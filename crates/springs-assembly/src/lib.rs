@@ -59,8 +59,8 @@ pub use dashpots::Dashpots;
 pub use dofs::Numbering;
 pub use elements::{Element, PointMasses, SpringMasses};
 pub use emitter::{
-    BrokenSpring, Emitter, Evaluation, MemoryUpdate, Nature, Notable, Projection, SpringNumbers,
-    StiffnessKind, Strained, Weights,
+    BrokenSpring, Emitter, Evaluation, MemoryUpdate, Nature, Notable, OwnStiffness, Projection,
+    SpringNumbers, StiffnessKind, Strained, Weights,
 };
 pub use energy::{Energy, Lines};
 pub use loads::{History, Loads};

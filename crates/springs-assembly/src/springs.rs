@@ -8,9 +8,9 @@ use crate::segments::{Segment, Segments};
 use crate::sums::{Linearized, Sums};
 use crate::{
     BrokenSpring, Emitter, Evaluation, Linearization, MemoryUpdate, Nature, Notable, Numbering,
-    Projection, SpringNumbers, StiffnessKind, Strained,
+    OwnStiffness, Projection, SpringNumbers, StiffnessKind, Strained,
 };
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use springs_math::Separation;
 use springs_math::spring::{self, LengthLaw, Spring};
 
@@ -93,6 +93,29 @@ impl<L: LengthLaw + Clone> Springs<L> {
         match carried.filter(|_| index < self.connections.live().end) {
             Some(carried) => carried[index],
             None => self.tension_and_length(index, x).0,
+        }
+    }
+
+    /// What every spring with a free end gives along and across, with carried tensions, in
+    /// N, in place of those at `x`; springs of no length, which have no direction, are left out.
+    fn each_along_and_across(
+        &self,
+        x: &[Vector3<f64>],
+        carried: &[f64],
+        mut visit: impl FnMut(usize, AlongAndAcross),
+    ) {
+        for index in self.connections.live() {
+            let separation = Separation::of(&self.connections.difference(index, x));
+            if separation.length > 0.0 {
+                let law = &self.laws[index];
+                let tension_per_length = carried[index] / separation.length;
+                let along_and_across = AlongAndAcross {
+                    separation,
+                    stiffness: law.stiffness(separation.length),
+                    tension_per_length: tension_per_length.min(law.largest_stiffness()),
+                };
+                visit(index, along_and_across);
+            }
         }
     }
 
@@ -206,6 +229,15 @@ impl<L: LengthLaw + Clone> Springs<L> {
         self.connections.add_force(index, force, forces);
         self.connections.add_block(index, block, at.v, sums);
     }
+}
+
+/// What a spring gives along itself and across, in N/m.
+struct AlongAndAcross {
+    separation: Separation<3>,
+    /// Along.
+    stiffness: f64,
+    /// T/l, across.
+    tension_per_length: f64,
 }
 
 /// Springs as linearized at some state.
@@ -464,6 +496,41 @@ impl<L: LengthLaw + Clone + Send + Sync + 'static> Emitter for Springs<L> {
         for (index, law) in self.laws.iter().enumerate() {
             visit(self.connections.free_ends(index), law.largest_stiffness());
         }
+    }
+
+    fn add_own_stiffness(&self, x: &[Vector3<f64>], carried: &[f64], own: &mut [OwnStiffness]) {
+        self.each_along_and_across(x, carried, |index, spring| {
+            let projection = spring.separation.along();
+            let along = projection * spring.stiffness.max(0.0);
+            let across = (Matrix3::identity() - projection) * spring.tension_per_length.max(0.0);
+            for &block in self.connections.free_ends(index) {
+                let own = &mut own[block as usize];
+                own.along += along;
+                own.across += across;
+            }
+        });
+    }
+
+    /// A spring whose ends pass each other with v⊥ turns by v⊥/l a second, and K u uᵀ and
+    /// T/l (I − u uᵀ) with it: (K − T/l) v⊥²/l along u.
+    fn add_turning_forces(
+        &self,
+        x: &[Vector3<f64>],
+        v: &[Vector3<f64>],
+        carried: &[f64],
+        scale: f64,
+        forces: &mut [Vector3<f64>],
+    ) {
+        self.each_along_and_across(x, carried, |index, spring| {
+            let Separation { length, direction } = spring.separation;
+            let speed = self.connections.difference(index, v);
+            let passing = speed - direction * direction.dot(&speed);
+            let stiffness = spring.stiffness - spring.tension_per_length;
+            let force = direction * (scale * stiffness * passing.norm_squared() / length);
+            let ends = self.connections.ends()[index];
+            forces[ends[0] as usize] += force;
+            forces[ends[1] as usize] -= force;
+        });
     }
 
     fn part(&self, numbering: &Numbering, kept: &[bool]) -> Option<(Box<dyn Emitter>, Vec<u32>)> {

@@ -1,6 +1,7 @@
 //! The compiled scene: global forces and matrices for any state.
 
 mod bounds;
+mod carried;
 mod changes;
 mod energies;
 mod memory;
@@ -464,45 +465,6 @@ impl System {
         let mut rest = carried;
         for (line, emitter) in self.emitters().enumerate() {
             act(line, emitter, its_part(&mut rest, emitter));
-        }
-    }
-
-    /// Numbers that a method may carry along for all emitters.
-    pub fn n_carried(&self) -> usize {
-        self.emitters().map(Emitter::n_carried).sum()
-    }
-
-    /// These numbers at `x`.
-    ///
-    /// # Panics
-    ///
-    /// If there are not [`Self::n_carried`] of them.
-    pub fn carried(&self, x: &[Vector3<f64>], carried: &mut [f64]) {
-        let mut rest = carried;
-        for emitter in self.emitters() {
-            let (mine, others) = rest.split_at_mut(emitter.n_carried());
-            emitter.carried(x, mine);
-            rest = others;
-        }
-    }
-
-    /// These numbers as predicted for positions x + h·v, to first order in h.
-    ///
-    /// # Panics
-    ///
-    /// If there are not [`Self::n_carried`] of them.
-    pub fn predict_carried(
-        &self,
-        x: &[Vector3<f64>],
-        v: &[Vector3<f64>],
-        h: f64,
-        carried: &mut [f64],
-    ) {
-        let mut rest = carried;
-        for emitter in self.emitters() {
-            let (mine, others) = rest.split_at_mut(emitter.n_carried());
-            emitter.predict_carried(x, v, h, mine);
-            rest = others;
         }
     }
 

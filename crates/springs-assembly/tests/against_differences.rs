@@ -3,8 +3,8 @@
 
 use nalgebra::{DMatrix, DVector, Vector3};
 use springs_assembly::{
-    Compilation, Evaluation, Linearization, Motion, Projection, System, Weights, compile,
-    compile_with,
+    Compilation, Evaluation, Linearization, Motion, OwnStiffness, PACKED, Projection, System,
+    Weights, compile, compile_with,
 };
 use springs_scene::generate::{Material, block, chain, cloth, disturb};
 use springs_scene::{Node, Scene};
@@ -393,4 +393,78 @@ fn bounds_are_those_of_the_stiffest_node() {
     // The free end has ¼ kg and one spring of 2e4 N/m, the middle ½ kg and two.
     assert!((system.frequency_bound() - (2.0 * 4e4 / 0.5f64).sqrt()).abs() < 1e-9);
     assert!((system.damping_rate_bound() - 2.0 * 3.0 / 0.25).abs() < 1e-12);
+}
+
+/// What is given against a move of one block is the diagonal of the matrix.
+#[test]
+fn own_stiffness_is_the_diagonal_of_the_matrix() {
+    for scene in scenes() {
+        let system = compile(&scene).unwrap();
+        let x = system.initial_positions();
+        let tensions: Vec<f64> = (0..system.n_carried())
+            .map(|index| 3.0 * (1.7 * index as f64).sin())
+            .collect();
+        let mut own = vec![OwnStiffness::default(); system.n_free()];
+        system.own_stiffness(x, &tensions, &mut own);
+        for (is_across, carried) in [
+            (false, vec![0.0; tensions.len()]),
+            (true, tensions.iter().map(|t| t.max(0.0)).collect()),
+        ] {
+            let at = Evaluation {
+                carried: Some(&carried),
+                ..Evaluation::new(x, system.initial_velocities(), Weights::STIFFNESS)
+            };
+            let mut out = system.linearization();
+            system.linearize(&at, &mut out);
+            for (own, diagonal) in own.iter().zip(out.matrix.diagonal()) {
+                let own = own.along + own.across * f64::from(u8::from(is_across));
+                for (&(row, column), entry) in PACKED.iter().zip(diagonal) {
+                    let off = (own[(row, column)] - entry).abs();
+                    assert!(off < 1e-12 * own.amax(), "{own} {diagonal:?}");
+                }
+            }
+        }
+    }
+}
+
+/// Of one spring, along itself, with its tension carried; fixed ends get theirs, too.
+#[test]
+fn turning_forces_are_minus_the_slope_of_the_hessian_times_the_velocities() {
+    for fixed in [false, true] {
+        let mut scene = Scene::default();
+        let (d, v) = (Vector3::new(0.3, -0.5, 0.8), Vector3::new(1.1, 0.7, -0.4));
+        for (position, velocity, fixed) in [(Vector3::zeros(), v * 0.2, false), (d, v, fixed)] {
+            scene.add_node(Node {
+                mass: 1.0,
+                velocity,
+                fixed,
+                ..Node::at(position)
+            });
+        }
+        scene.add_spring(0, 1, 40.0);
+        let system = compile(&scene).unwrap();
+        let (x, v) = (system.initial_positions(), system.initial_velocities());
+        let tensions = [3.0];
+        // Of the whole Hessian: fixed ends move, too.
+        let product = |time: f64| {
+            let moved: Vec<_> = x.iter().zip(v).map(|(x, v)| x + v * time).collect();
+            let d = moved[1] - moved[0];
+            let (length, u) = (d.norm(), d.normalize());
+            let speed = v[1] - v[0];
+            let along = u * u.dot(&speed);
+            -(along * 40.0 + (speed - along) * (tensions[0] / length))
+        };
+        let step = 1e-5;
+        let slope = (product(step) - product(-step)) / (2.0 * step);
+        let u = (x[1] - x[0]).normalize();
+        let mut forces = vec![Vector3::repeat(7.0); 2];
+        system.turning_forces(x, v, &tensions, 0.3, &mut forces);
+        // −H v on the first end is what `product` is the opposite of.
+        let expected = u * (-0.3 * slope.dot(&u));
+        assert!(
+            (forces[0] - expected).norm() < 1e-8,
+            "{forces:?} {expected}"
+        );
+        assert_eq!(forces[1], -forces[0]);
+    }
 }

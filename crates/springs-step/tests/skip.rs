@@ -331,7 +331,8 @@ fn clamping_on_demand_looks_across_a_plane() {
         scene.settings.method = method;
         let (difference, clamped) = difference(&scene);
         assert!(difference < 1e-12, "{method}: {difference:e}");
-        assert!(clamped > 0, "{method}");
+        // Filtered leapfrog has no negative tension in its matrix.
+        assert_eq!(clamped > 0, method == Method::LinearlyImplicitEuler);
     }
 }
 

@@ -15,14 +15,6 @@ pub struct SystemPart {
 }
 
 impl System {
-    /// Hands over the free blocks of every term that methods may carry a number for, in the
-    /// order of these, and half of a bound, in N/m, on the eigenvalues of its Hessian.
-    pub fn each_carried_term(&self, mut visit: impl FnMut(&[u32], f64)) {
-        for emitter in self.emitters() {
-            emitter.each_carried_term(&mut visit);
-        }
-    }
-
     /// The system of those terms alone whose carried numbers are `kept`, with constant forces.
     /// `None` where there is damping, guides, memory, or an emitter that cannot be taken apart.
     ///

@@ -4,6 +4,7 @@ use crate::flows::Impulses;
 use crate::implicit::linear::{LinearSystem, Linearized, OnDemand, Purpose};
 use crate::implicit::solver_options::Hessian;
 use crate::implicit::stage::Stage;
+use crate::method::across::Across;
 use crate::method::stiff_springs::{StiffSprings, stiff_springs};
 use crate::{Anchors, Archive, ErrorEstimate, Flows, Interval, Method, MethodError, State, Work};
 use nalgebra::Vector3;
@@ -12,25 +13,31 @@ use springs_scene::RunOptions;
 use springs_solver::{Interrupt, Price, SolveError};
 
 /// v½ = v + ½h a, x' = x + h v½, v' = v½ + ½h a' with
-/// (M + ½hD + αh²S) a' = f(x', v½), where S is the Hessian with across
-/// stiffness from filtered tensions.
+/// (M + ½hD + αh²S) a' = f(x', v½), where S is K u uᵀ of every spring, and as much of the
+/// across stiffness of filtered tensions as steps need beside that (`across.rs`). Positions are
+/// x + αh² a: where springs are stiff, x lags behind by the stretch αh² a that holds masses
+/// in the filter.
 ///
 /// Order 2, linearly implicit, one factorization and one solution a step:
 /// stiff vibrations are slowed down instead of resolved, so that steps may be
 /// far above their period. Linear momentum is kept to rounding, since the
 /// filter leaves uniform motion alone; angular momentum only nearly, because
-/// the across part of S turns neighbours against each other. α = 0.3: ¼ would
-/// do for one linear spring, but blows up when very stiff springs turn.
+/// across parts of S turn neighbours against each other. α = 0.3: ¼ would
+/// do for one linear spring, but blows up when very stiff springs turn, and from ⅓ on
+/// vibrations at the limit of long steps, 2 asin(1/(2√α)) a step, meet resonances of order 3
+/// and 4.
+///
+/// It starts on the slow motion, without vibrations of springs that are not yet stretched by
+/// what they hold: (M + αh²S) a = f − αh² (dS/dt) v, so that turning springs keep their
+/// lengths, and x = x₀ − αh² a.
 ///
 /// Where few springs are stiff for the step, S may have these alone (with a tolerance it
 /// has): the others, with h²·(2/m)·ΣK ≤ 2 at every node, act as in velocity Verlet
 /// (implicit-explicit as in Stern and Grinspun, Multiscale Model. Simul. 7, 2009). Since
 /// h²λ ≤ (σ + 2)/(1 + ασ) < 4 for the largest λ of all and any σ ≥ 0 of the stiff ones, that
 /// is stable for linear springs.
-///
-/// Stiff springs are longer by about αh² times the acceleration they hold, so
-/// the step must not shrink on the way: what it held is then let go.
 pub struct FilteredLeapfrog {
+    across: Across,
     linear: LinearSystem,
     /// In place of it, where few springs are stiff.
     stiff: Option<StiffSprings>,
@@ -44,6 +51,8 @@ pub struct FilteredLeapfrog {
     interrupt: Interrupt,
     /// Where there are massless nodes, which start in balance.
     start: Option<Stage>,
+    /// What keeps turning springs from getting longer at the start, in N, on all blocks.
+    turning: Vec<Vector3<f64>>,
     accelerations: Vec<Vector3<f64>>,
     /// Those at the end of the step; zero for fixed blocks.
     next_accelerations: Vec<Vector3<f64>>,
@@ -61,6 +70,15 @@ pub struct FilteredLeapfrog {
 
 const ALPHA: f64 = 0.3;
 
+/// Where accelerations are asked for.
+#[derive(Clone, Copy)]
+struct At {
+    time: f64,
+    /// How long before the velocities are, in s.
+    lag: f64,
+    is_start: bool,
+}
+
 impl FilteredLeapfrog {
     /// Allocates the workspace and factorizes symbolically.
     ///
@@ -71,6 +89,7 @@ impl FilteredLeapfrog {
         let zeros = vec![Vector3::zeros(); system.numbering().n_nodes()];
         let powers = vec![0.0; zeros.len() - system.n_free()];
         Ok(Self {
+            across: Across::new(system),
             linear: LinearSystem::new(system, Hessian::Altered, options)?,
             stiff: None,
             chosen_for: 0.0,
@@ -83,6 +102,7 @@ impl FilteredLeapfrog {
             } else {
                 None
             },
+            turning: zeros.clone(),
             accelerations: zeros.clone(),
             next_accelerations: zeros,
             tensions: vec![0.0; system.n_carried()],
@@ -124,30 +144,38 @@ impl FilteredLeapfrog {
         Ok(())
     }
 
-    /// Accelerations at a time, at positions of `state` and velocities that are `behind`,
-    /// in s, those times, from and into `next_*`.
+    /// Accelerations at a time and at positions of `state`, whose velocities are those `lag`,
+    /// in s, before, from and into `next_*`.
     fn accelerate(
         &mut self,
         system: &System,
         state: &State,
         h: f64,
-        (time, behind): (f64, f64),
+        At {
+            time,
+            lag,
+            is_start,
+        }: At,
         work: &mut Work,
     ) -> Result<(), MethodError> {
+        let filter = ALPHA * h * h;
         let weights = Weights {
             mass: 1.0,
-            damping: behind,
-            stiffness: ALPHA * h * h,
+            damping: lag,
+            stiffness: filter,
         };
         work.counts.force_evaluations += 1;
         let has_all = self.stiff.is_none();
         let (matrix_of, linear, carried) = match &mut self.stiff {
-            None => (system, &mut self.linear, &*self.next_tensions),
+            None => (system, &mut self.linear, &mut self.next_tensions),
             Some(stiff) => {
                 stiff.take_tensions(&self.next_tensions);
-                (&stiff.system, &mut stiff.linear, &*stiff.tensions)
+                (&stiff.system, &mut stiff.linear, &mut stiff.tensions)
             }
         };
+        self.across
+            .leave_needed(matrix_of, &state.x, (h, filter), carried);
+        let carried = &*carried;
         let at = Evaluation {
             carried: Some(carried),
             ..Evaluation::new(&state.x, &state.v, weights)
@@ -165,6 +193,12 @@ impl FilteredLeapfrog {
                 }
                 system.add_damping_and_loads(time, &state.x, &state.v, &mut out.forces);
                 accelerations.copy_from_slice(&out.forces);
+                if is_start {
+                    let turning = &mut self.turning;
+                    matrix_of.turning_forces(&state.x, &state.v, carried, filter, turning);
+                    let forces = accelerations.iter_mut().zip(&*turning);
+                    forces.for_each(|(force, turning)| *force += turning);
+                }
             },
             &mut self.next_accelerations[..system.n_free()],
             work,
@@ -175,15 +209,28 @@ impl FilteredLeapfrog {
             powers.fill(0.0);
             system.add_anchor_works(1.0, &state.x, &state.v, powers);
             matrix_of.add_anchor_work_changes(&taken, &self.next_accelerations, powers);
+            if is_start {
+                let anchors = self.turning.iter().zip(&state.v).skip(system.n_free());
+                for (power, (turning, v)) in powers.iter_mut().zip(anchors) {
+                    *power -= turning.dot(v);
+                }
+            }
         }
         // What the filter leaves of the tension.
-        let (x, a, time) = (&state.x, &self.next_accelerations, ALPHA * h * h);
+        let (x, a) = (&state.x, &self.next_accelerations);
         let tensions = &mut self.next_tensions;
         match &mut self.stiff {
-            None => system.predict_carried(x, a, time, tensions),
-            Some(stiff) => stiff.predict_tensions(system, x, a, time, tensions),
+            None => system.predict_carried(x, a, filter, tensions),
+            Some(stiff) => stiff.predict_tensions(system, x, a, filter, tensions),
         }
         Ok(())
+    }
+
+    /// Moves from what positions are to those that are stepped, x = (x + αh² a) − αh² a.
+    fn take_back_lag(&self, h: f64, x: &mut [Vector3<f64>]) {
+        for (x, a) in x.iter_mut().zip(&self.accelerations) {
+            *x -= a * (ALPHA * h * h);
+        }
     }
 }
 
@@ -238,33 +285,48 @@ impl Method for FilteredLeapfrog {
             self.counted_for = h;
         }
         // Accelerations filtered for another step would excite vibrations.
-        if self.filtered_for != h {
+        let is_start = self.filtered_for != h;
+        if is_start {
             if let Some(start) = &mut self.start {
                 start.settle_massless(system, (interval.start, h), state, work)?;
             }
             system.carried(&state.x, &mut self.next_tensions);
-            self.accelerate(system, state, h, (interval.start, 0.0), work)?;
+        } else {
+            self.take_back_lag(h, &mut state.x);
+            self.next_tensions.copy_from_slice(&self.tensions);
+        }
+        if is_start || self.is_stale {
+            let at = At {
+                time: interval.start,
+                lag: 0.0,
+                is_start,
+            };
+            self.accelerate(system, state, h, at, work)?;
             self.accept();
             self.filtered_for = h;
-        } else if self.is_stale {
             self.next_tensions.copy_from_slice(&self.tensions);
-            self.accelerate(system, state, h, (interval.start, 0.0), work)?;
-            self.accept();
         }
         self.is_stale = false;
-        self.next_tensions.copy_from_slice(&self.tensions);
         self.impulses.begin(system, &state.v);
         self.impulses.add_loads(system, 0.5 * h, interval.start);
         self.impulses.add_loads(system, 0.5 * h, interval.end);
         self.impulses
             .add_damping(system, 0.5 * h, &state.x, &state.v);
+        if is_start {
+            self.take_back_lag(h, &mut state.x);
+        }
         let moving = state.x.iter_mut().zip(&mut state.v).take(system.n_free());
         for ((x, v), a) in moving.zip(&self.accelerations) {
             *v += a * (0.5 * h);
             *x += *v * h;
         }
         anchors.place(interval.end, &mut state.x, &mut state.v);
-        self.accelerate(system, state, h, (interval.end, 0.5 * h), work)?;
+        let at_end = At {
+            time: interval.end,
+            lag: 0.5 * h,
+            is_start: false,
+        };
+        self.accelerate(system, state, h, at_end, work)?;
         for (v, a) in state.v.iter_mut().zip(&self.next_accelerations) {
             *v += a * (0.5 * h);
         }
@@ -279,6 +341,9 @@ impl Method for FilteredLeapfrog {
             }
         }
         self.impulses.finish(system, &state.v);
+        for (x, a) in state.x.iter_mut().zip(&self.next_accelerations) {
+            *x += a * (ALPHA * h * h);
+        }
         Ok(None)
     }
 

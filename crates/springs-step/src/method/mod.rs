@@ -1,5 +1,6 @@
 //! What a time integration method is.
 
+mod across;
 pub(crate) mod dop853;
 pub(crate) mod doubling;
 pub(crate) mod filtered_leapfrog;

@@ -1,0 +1,72 @@
+//! How much across stiffness steps need in their matrix.
+
+use nalgebra::{Matrix3, Vector3};
+use springs_assembly::{OwnStiffness, System};
+
+/// Up to this, steps of velocity Verlet with across stiffness need none of it in their
+/// matrix; twice this, half of it, and so on. They are stable to 4, but along with other
+/// vibrations, at angles that change with the motion, they are not: taut saddle-shaped nets
+/// diverge with 1.
+const HARMLESS: f64 = 0.3;
+
+/// Across stiffness in the matrix of filtered leapfrog.
+///
+/// Tensions there hold springs against turning: needed where nothing else does (a taut net
+/// off its plane), since such vibrations may be far too fast for the step; but they hold a
+/// body back that turns as a whole, and where more springs meet than it takes, tensions of
+/// rounded lengths are far above those that matter. So each spring gets the part 1 − s₀/s of
+/// its tension, with s = 2h² tr((m I + αh²A)⁻¹G) of the node at its ends where that is larger, where A and G are what
+/// springs give along and across against a move of that node alone.
+pub(super) struct Across {
+    own: Vec<OwnStiffness>,
+    /// Of the tensions at each block.
+    parts: Vec<f64>,
+}
+
+impl Across {
+    pub(super) fn new(system: &System) -> Self {
+        Self {
+            own: vec![OwnStiffness::default(); system.n_free()],
+            parts: vec![0.0; system.n_free()],
+        }
+    }
+
+    /// Leaves of `tensions`, in N, what a matrix M + `filter`·S needs at positions `x` for
+    /// steps of size `h`, in s; `filter` = αh², in s².
+    pub(super) fn leave_needed(
+        &mut self,
+        system: &System,
+        x: &[Vector3<f64>],
+        (h, filter): (f64, f64),
+        tensions: &mut [f64],
+    ) {
+        system.own_stiffness(x, tensions, &mut self.own);
+        let blocks = self.own.iter().zip(system.masses());
+        for (part, (own, &mass)) in self.parts.iter_mut().zip(blocks) {
+            let held = Matrix3::from_diagonal_element(mass) + own.along * filter;
+            let ratio = 2.0 * h * h * trace_of_ratio(&own.across, &held);
+            // Massless blocks may be held by nothing else.
+            let is_needed = mass == 0.0 || !ratio.is_finite();
+            *part = if is_needed {
+                1.0
+            } else {
+                (1.0 - HARMLESS / ratio).max(0.0)
+            };
+        }
+        let mut tensions = tensions.iter_mut();
+        system.each_carried_term(|blocks, _| {
+            let tension = tensions.next().expect("one for each term");
+            let parts = blocks.iter().map(|&block| self.parts[block as usize]);
+            *tension = tension.max(0.0) * parts.fold(0.0, f64::max);
+        });
+    }
+}
+
+/// tr(B⁻¹A) of symmetric matrices.
+fn trace_of_ratio(a: &Matrix3<f64>, b: &Matrix3<f64>) -> f64 {
+    let [x, y, z] = [0, 1, 2].map(|column| b.column(column).into_owned());
+    let [yz, zx, xy] = [y.cross(&z), z.cross(&x), x.cross(&y)];
+    // Rows of B⁻¹ are these over the determinant.
+    let sum = yz.dot(&a.column(0)) + zx.dot(&a.column(1)) + xy.dot(&a.column(2));
+    sum / x.dot(&yz)
+}
