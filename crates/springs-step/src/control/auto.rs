@@ -106,7 +106,7 @@ impl Auto {
     pub(crate) fn new(scene: &Scene, system: &System, choice: &Choice) -> Self {
         let costs = CostModel::without_fill(system);
         let candidate = |row: &Properties| {
-            let attempt = row.attempt(system)?;
+            let attempt = row.attempt?;
             let can_move = row.can_move(scene, system).is_ok();
             can_move.then(|| Candidate {
                 choice: Choice {

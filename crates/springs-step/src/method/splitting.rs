@@ -32,10 +32,11 @@ pub struct Splitting {
     last_accelerations: Vec<Vector3<f64>>,
     accelerations: Vec<Vector3<f64>>,
     next_accelerations: Vec<Vector3<f64>>,
-    /// Velocities that the dashpots see, now and at the start of the step; empty
-    /// without dashpots.
+    /// Velocities that the dashpots see, now, at the start of the step and at that of the
+    /// step before; empty without dashpots.
     seen: Vec<Vector3<f64>>,
     seen_at_start: Vec<Vector3<f64>>,
+    last_seen: Vec<Vector3<f64>>,
     accelerations_are_known: bool,
     impulses: Impulses,
     /// At the end of the last step, in J, if everything is finite.
@@ -202,6 +203,7 @@ impl Splitting {
             last_accelerations: vec![Vector3::zeros(); system.n_free()],
             accelerations: vec![Vector3::zeros(); system.n_free()],
             next_accelerations: vec![Vector3::zeros(); system.n_free()],
+            last_seen: seen.clone(),
             seen_at_start: seen.clone(),
             seen,
             accelerations_are_known: false,
@@ -231,9 +233,10 @@ impl Splitting {
         self.impulses.flows()
     }
 
-    /// The last accepted step is taken back; without dashpots only.
+    /// The last accepted step is taken back.
     pub(crate) fn go_back(&mut self) {
         std::mem::swap(&mut self.accelerations, &mut self.last_accelerations);
+        std::mem::swap(&mut self.seen_at_start, &mut self.last_seen);
     }
 
     /// Accelerations at the start and at the end of the last accepted step, and at the
@@ -384,6 +387,7 @@ impl Method for Splitting {
         archive.vectors(&mut self.last_accelerations);
         archive.vectors(&mut self.accelerations);
         archive.vectors(&mut self.seen_at_start);
+        archive.vectors(&mut self.last_seen);
         if let Some(weighing) = &mut self.weighing {
             weighing.archive(archive);
         }
@@ -392,6 +396,7 @@ impl Method for Splitting {
     fn accept(&mut self) {
         std::mem::swap(&mut self.last_accelerations, &mut self.accelerations);
         std::mem::swap(&mut self.accelerations, &mut self.next_accelerations);
+        std::mem::swap(&mut self.last_seen, &mut self.seen_at_start);
         std::mem::swap(&mut self.seen_at_start, &mut self.seen);
     }
 

@@ -34,7 +34,7 @@ pub struct Properties {
     /// with tolerances.
     pub is_compared_by_steps: bool,
     /// What an attempt takes where `Auto` tries it.
-    attempt: Option<Attempt>,
+    pub(crate) attempt: Option<Attempt>,
     /// What a step does, mostly.
     pub(crate) usual_step: UsualStep,
     /// What an explicit method itself does per node and evaluation, in ns.
@@ -103,8 +103,7 @@ type Build = fn(&System, &Choice) -> Result<Box<dyn Method>, SolveError>;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum ToleranceKind {
-    /// By an estimate of its own; velocity Verlet by making each step twice where
-    /// dashpots or drag act.
+    /// By an estimate of its own.
     Estimate,
     /// By making each step twice.
     Doubling,
@@ -135,11 +134,7 @@ static TABLE: [Properties; 10] = [
         node_cost: 3.0,
         build: |system, choice| {
             Ok(match choice.pace {
-                Pace::Tolerance(_) if !system.is_damped() => Box::new(VerletPairs::new(system)),
-                Pace::Tolerance(_) => {
-                    let verlet = Box::new(Splitting::velocity_verlet(system));
-                    Box::new(Doubling::new(system, verlet))
-                }
+                Pace::Tolerance(_) => Box::new(VerletPairs::new(system)),
                 Pace::Fixed(_) => Box::new(Splitting::velocity_verlet(system)),
             })
         },
@@ -309,16 +304,6 @@ impl Properties {
         }
         method.expect_changing_steps(system)?;
         Ok(method)
-    }
-
-    /// What an attempt takes where `Auto` tries it; `None` if it does not.
-    pub(crate) fn attempt(&self, system: &System) -> Option<Attempt> {
-        let is_doubled = self.method == scene::Method::VelocityVerlet && system.is_damped();
-        if is_doubled {
-            // A whole step and its halves.
-            return Some(Attempt::explicit(3.0, 2.0));
-        }
-        self.attempt
     }
 
     /// Refuses what the method cannot treat.
