@@ -1,5 +1,8 @@
 //! Dashpots along springs as emitters.
 
+mod runs;
+
+use self::runs::{DashpotRuns, Pair};
 use crate::anchor_works::share_out;
 use crate::connections::Connections;
 use crate::matrix::PairBlock;
@@ -23,6 +26,8 @@ pub struct Dashpots {
     springs: Vec<usize>,
     /// Whether it is broken.
     is_off: Vec<bool>,
+    /// A copy of the numbers of those in runs, if none fades.
+    in_runs: Option<DashpotRuns>,
 }
 
 /// Pieces of a passage within which a dashpot that fades does not.
@@ -37,7 +42,33 @@ impl Dashpots {
             fading: Vec::new(),
             springs: Vec::new(),
             is_off: Vec::new(),
+            in_runs: None,
         }
+    }
+
+    /// Notes the numbers of dashpots in runs.
+    fn note_runs(&mut self) {
+        self.in_runs = self.fading.is_empty().then(|| {
+            let (runs, ends) = (self.connections.runs(), self.connections.ends());
+            DashpotRuns::new(runs, ends, |index| self.acting(index, || 0.0).0.damping)
+        });
+    }
+
+    /// Adds `weight` times the forces, in N, of dashpots with a free end at positions and
+    /// velocities.
+    fn add_weighted_forces(&self, [x, v]: Pair<'_>, weight: f64, forces: &mut [Vector3<f64>]) {
+        let work = |segment: &Segment, first: usize, forces: &mut [Vector3<f64>]| {
+            if let Some(numbers) = &self.in_runs {
+                let runs = &self.connections.runs()[segment.runs.clone()];
+                numbers.add_forces(runs, [x, v], weight, (first, &mut *forces));
+            }
+            let others = segment.live(self.in_runs.is_some());
+            for index in others.into_iter().flatten() {
+                let force = self.force(index, x, v) * weight;
+                self.connections.add_force(index, force, (first, forces));
+            }
+        };
+        self.connections.segments().add_up(forces, work);
     }
 
     /// With where each of them acts.
@@ -181,6 +212,7 @@ impl Emitter for Dashpots {
         if !self.springs.is_empty() {
             self.springs = order.iter().map(|&index| self.springs[index]).collect();
         }
+        self.note_runs();
     }
 
     fn change_springs(&mut self, springs: &[SpringNumbers]) {
@@ -190,12 +222,14 @@ impl Emitter for Dashpots {
                 *fading = springs[spring].fading;
             }
         }
+        self.note_runs();
     }
 
     fn follow_broken(&mut self, springs: &[usize]) {
         for (is_off, spring) in self.is_off.iter_mut().zip(&self.springs) {
             *is_off = springs.binary_search(spring).is_ok();
         }
+        self.note_runs();
     }
 
     fn each_stencil(&self, visit: &mut dyn FnMut(&[u32])) {
@@ -218,13 +252,7 @@ impl Emitter for Dashpots {
         v: &[Vector3<f64>],
         forces: &mut [Vector3<f64>],
     ) {
-        let work = |segment: &Segment, first: usize, forces: &mut [Vector3<f64>]| {
-            for index in segment.live(false).into_iter().flatten() {
-                let force = self.force(index, x, v);
-                self.connections.add_force(index, force, (first, forces));
-            }
-        };
-        self.connections.segments().add_up(forces, work);
+        self.add_weighted_forces([x, v], 1.0, forces);
     }
 
     fn add_damping_reactions(
@@ -260,8 +288,15 @@ impl Emitter for Dashpots {
     }
 
     fn add_products(&self, at: &Evaluation<'_>, y: &[Vector3<f64>], products: &mut [Vector3<f64>]) {
+        // D y are the forces at velocities −y; where velocities bring stiffness, there is more.
+        let in_runs = self.in_runs.as_ref().filter(|_| !at.velocity_stiffness);
         let work = |segment: &Segment, first: usize, products: &mut [Vector3<f64>]| {
-            for index in segment.live(false).into_iter().flatten() {
+            if let Some(numbers) = in_runs {
+                let runs = &self.connections.runs()[segment.runs.clone()];
+                let products = (first, &mut *products);
+                numbers.add_forces(runs, [at.x, y], -at.weights.damping, products);
+            }
+            for index in segment.live(in_runs.is_some()).into_iter().flatten() {
                 let (block, products) = (self.block(index, at), (first, &mut *products));
                 self.connections
                     .add_product(index, &block, 1.0, y, products);
@@ -282,7 +317,13 @@ impl Emitter for Dashpots {
             let [a, b] = self.ends(index);
             dashpot::dissipation(self.dashpot(index, x), [&x[a], &x[b]], [&v[a], &v[b]])
         };
-        self.connections.live().map(heat).sum()
+        self.connections.segments().sum(|segment| {
+            let numbers = self.in_runs.as_ref();
+            let runs = &self.connections.runs()[segment.runs.clone()];
+            let along_runs = numbers.map_or(0.0, |numbers| numbers.dissipation(runs, [x, v]));
+            let one_by_one = segment.live(numbers.is_some()).into_iter().flatten();
+            along_runs + one_by_one.map(heat).sum::<f64>()
+        })
     }
 
     fn add_damping_anchor_works(

@@ -41,6 +41,7 @@ mod emitter;
 mod energy;
 mod gravity;
 mod guides;
+mod lanes;
 mod laws;
 mod linear_runs;
 mod loads;

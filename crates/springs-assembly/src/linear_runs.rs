@@ -3,13 +3,15 @@
 mod linearization;
 
 use crate::Projection;
+use crate::lanes::{
+    Ends, Lanes, add_to_ends, differences, dots, lanes_at, set_vector_at, slots, vector_at,
+};
 use crate::matrix::times;
 use crate::run::{LANES, Run};
 use nalgebra::Vector3;
 use pulp::{Arch, Simd, WithSimd};
 use springs_math::spring::{self, LengthLaw, Spring};
 use springs_math::{SAFE_SQUARES, Separation};
-use std::ops::Range;
 
 /// The numbers of linear springs along runs, slot by slot; zero where a slot has no
 /// spring.
@@ -23,12 +25,6 @@ pub(crate) struct LinearRuns {
 
 /// In a slot without one.
 const NO_SPRING: u32 = u32::MAX;
-
-/// The slots of each run within those of all.
-fn slots(runs: &[Run]) -> impl Iterator<Item = (&Run, Range<usize>)> {
-    runs.iter()
-        .map(|run| (run, run.first_slot..run.first_slot + run.n_slots))
-}
 
 impl LinearRuns {
     /// Of springs with these laws and ends.
@@ -204,51 +200,8 @@ impl WithSimd for AddProducts<'_> {
     }
 }
 
-/// Coordinates of the blocks at one end.
-type Ends = [f64; 3 * LANES];
-/// A number of each spring.
-type Lanes = [f64; LANES];
 /// Stiffnesses and rest lengths.
 type Laws<'a> = (&'a Lanes, &'a Lanes);
-
-#[inline(always)]
-fn lanes_at(vectors: &[f64], block: usize) -> &Ends {
-    let lanes = &vectors[3 * block..3 * block + 3 * LANES];
-    lanes.try_into().expect("as many as there are")
-}
-
-/// Adds to the first ends, and subtracts from the second ones.
-#[inline(always)]
-fn add_to_ends(sums: &mut [f64], [first, second]: [usize; 2], values: &Ends) {
-    // The second end first: with an offset below the number of lanes, a block is the
-    // second end of an earlier spring than it is the first of.
-    let (_, on_second) = sums.split_at_mut(3 * second);
-    for (sum, value) in on_second[..3 * LANES].iter_mut().zip(values) {
-        *sum -= value;
-    }
-    let (_, on_first) = sums.split_at_mut(3 * first);
-    for (sum, value) in on_first[..3 * LANES].iter_mut().zip(values) {
-        *sum += value;
-    }
-}
-
-#[inline(always)]
-fn differences([start, end]: [&Ends; 2]) -> Ends {
-    let mut differences = [0.0; 3 * LANES];
-    for c in 0..3 * LANES {
-        differences[c] = end[c] - start[c];
-    }
-    differences
-}
-
-#[inline(always)]
-fn dots(a: &Ends, b: &Ends) -> Lanes {
-    let mut dots = [0.0; LANES];
-    for c in 0..LANES {
-        dots[c] = a[3 * c] * b[3 * c] + a[3 * c + 1] * b[3 * c + 1] + a[3 * c + 2] * b[3 * c + 2];
-    }
-    dots
-}
 
 /// Forces on the first ends.
 #[inline(always)]
@@ -322,14 +275,6 @@ fn each_spring((stiffnesses, rest_lengths): Laws<'_>, mut visit: impl FnMut(usiz
             visit(place, law);
         }
     }
-}
-
-fn vector_at(vectors: &Ends, place: usize) -> Vector3<f64> {
-    Vector3::from_column_slice(&vectors[3 * place..3 * place + 3])
-}
-
-fn set_vector_at(vectors: &mut Ends, place: usize, vector: &Vector3<f64>) {
-    vectors[3 * place..3 * place + 3].copy_from_slice(vector.as_slice());
 }
 
 /// The same where one of the springs is very short or long, or something is not a finite
@@ -413,16 +358,16 @@ fn products_one_by_one(x: [&Ends; 2], laws: Laws<'_>, projection: Projection, dy
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use crate::{Emitter, Evaluation, Numbering, Projection, SpringBetween, Springs, Weights};
     use nalgebra::Vector3;
     use springs_math::spring::Spring;
 
     /// Numbers in [0, 1) that look random.
-    pub(super) struct Dice(pub(super) u64);
+    pub(crate) struct Dice(pub(crate) u64);
 
     impl Dice {
-        pub(super) fn roll(&mut self) -> f64 {
+        pub(crate) fn roll(&mut self) -> f64 {
             self.0 = self
                 .0
                 .wrapping_mul(6_364_136_223_846_793_005)
@@ -433,7 +378,7 @@ mod tests {
 
     /// A net of 30 by 40 nodes with springs to neighbours at all of these distances, some
     /// left out, in any order and direction.
-    pub(super) fn net(dice: &mut Dice) -> Vec<SpringBetween<Spring>> {
+    pub(crate) fn net(dice: &mut Dice) -> Vec<SpringBetween<Spring>> {
         let mut springs = Vec::new();
         for offset in [1, 2, 7, 8, 29, 30, 31, 60] {
             for node in 0..1200 - offset {

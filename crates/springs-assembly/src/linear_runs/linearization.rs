@@ -1,8 +1,8 @@
 //! Forces and Hessian blocks of linear springs along runs.
 
-use super::{
-    Ends, LANES, Lanes, Laws, LinearRuns, NO_SPRING, Run, add_to_ends, differences, divide, dots,
-    lanes_at, set_vector_at, vector_at,
+use super::{LANES, Laws, LinearRuns, NO_SPRING, Run, divide};
+use crate::lanes::{
+    Ends, Lanes, add_to_ends, differences, dots, lanes_at, set_vector_at, vector_at,
 };
 use crate::matrix::PairBlock;
 use crate::sums::Sums;

@@ -80,11 +80,11 @@ const SHARE: f64 = 0.1;
 /// least so many steps, and if they are begun may have so many.
 const TRIAL_RUNS: f64 = 0.5;
 const FEWEST_TRIAL_STEPS: f64 = 24.0;
-const USUAL_TRIAL_STEPS: f64 = 120.0;
+const USUAL_TRIAL_STEPS: f64 = 56.0;
 /// Trial runs are not made beside an explicit method, if methods with a matrix that
 /// change their steps cost so many times as much: a step of filtered leapfrog takes one
 /// solution, a step of TR-BDF2 four or so, of about the same size.
-const FAR: f64 = 6.0;
+const FAR: f64 = 2.0;
 /// Springs that are stiff for steps are looked for in steps of so many halves of the
 /// duration.
 const MOST_HALVINGS: i32 = 16;
@@ -95,6 +95,8 @@ const MOST_TRIAL_STEPS: f64 = 1e6;
 const FROM_REST: f64 = 2.0;
 /// Another method must be so many times cheaper than the present one.
 const CLEARLY: f64 = 1.3;
+/// Steps of other methods are tried from so many times those that the first one takes.
+const LONGER: f64 = 4.0;
 /// A review is due when steps have cost so many times the last one.
 const REVIEW_COSTS: f64 = 5.0;
 const REVIEW_ANYWAY: f64 = 40.0;
@@ -308,6 +310,7 @@ impl Auto {
             (duration, tolerance),
             Budget {
                 all: affordable,
+                of_run: from_rest * to_beat,
                 of_step: &of_step,
             },
         );
@@ -346,11 +349,17 @@ impl Auto {
             state,
             controller,
         };
-        let (mut best, mut cost) = self.try_out_from_rest(task, 0, trials)?;
+        let (mut best, mut cost) = self.try_out_from_rest(task, 0, None, trials)?;
+        // Where the error bounds steps of order 8, and not stability, steps of order 2 are
+        // hardly longer; far longer ones only cost corrections that do not converge.
+        let longest = self.longest_step(system, 0, controller.left());
+        let is_resolved = best.step_size < CLEARLY.recip() * longest;
+        let suitable = is_resolved.then_some(LONGER * best.step_size);
         let mut with_matrix = self.price_with_matrix(0, &best);
         for index in 1..self.candidates.len() {
             if self.is_worth_trying(system, controller, index, best.price) {
-                let (tried, took) = self.try_out_from_rest(task, index, trials)?;
+                let from = suitable.filter(|_| !self.candidates[index].is_explicit());
+                let (tried, took) = self.try_out_from_rest(task, index, from, trials)?;
                 cost += took;
                 with_matrix = with_matrix.min(self.price_with_matrix(index, &tried));
                 if tried.price < best.price {

@@ -183,6 +183,7 @@ pub(crate) fn settle_equal_steps(
     };
     let budget = Budget {
         all: MOST_TRIAL_STEPS * of_whole,
+        of_run: f64::INFINITY,
         of_step: &of_step,
     };
     let steps = equal_steps(compiled, method, task, budget, trials)?;

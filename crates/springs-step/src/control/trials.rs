@@ -93,9 +93,15 @@ const REGULAR: f64 = 2.0;
 /// tolerance, each with steps half as long.
 const MOST_FAILURES: u32 = 12;
 
+/// Errors are taken to fall no faster than by this power of the number of steps. Where
+/// runs begin to resolve the motion they may, by a little and for one doubling.
+const STEEPEST: f64 = 3.0;
+
 /// What trial runs with equal steps may cost.
 pub(crate) struct Budget<'a> {
     pub(crate) all: f64,
+    /// And the run that they are made for.
+    pub(crate) of_run: f64,
     /// What a step of some size in s costs.
     pub(crate) of_step: &'a dyn Fn(&mut dyn Method, f64) -> f64,
 }
@@ -112,7 +118,8 @@ pub(crate) struct Budget<'a> {
 /// order says: three runs have to agree. A number of steps that was not tried is
 /// taken only where errors fell as the order says twice: from four runs.
 ///
-/// `None` if trial runs cost more than the budget, or if a dozen
+/// `None` if trial runs cost more than the budget, or if so many steps do as it takes even
+/// if errors fall as steeply as they ever do, or if a dozen
 /// runs one after the other fail or leave the tolerance to rounding.
 pub(crate) fn equal_steps(
     (system, anchors): (&System, &Anchors),
@@ -150,6 +157,10 @@ pub(crate) fn equal_steps(
         // Not a number, too, is too large.
         if trusted <= tolerance / MARGIN {
             return Ok(Some(EqualSteps { n, error: trusted }));
+        }
+        let least = n as f64 * (error / tolerance).powf(1.0 / STEEPEST);
+        if error.is_finite() && least * (budget.of_step)(method, duration / least) > budget.of_run {
+            return Ok(None);
         }
         let is_regular = (gain / REGULAR..gain * REGULAR).contains(&falls);
         let needed = n as f64 * (MARGIN * error / tolerance).powf(1.0 / f64::from(order));

@@ -120,3 +120,57 @@ impl Method for VerletPairs {
         self.verlet.kinetic_energy()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Doubling;
+    use springs_assembly::compile;
+    use springs_scene::generate::{Material, cloth};
+
+    /// Without dashpots, with weak ones and with strong ones: the same steps, and the same
+    /// estimates but for a part that vanishes with the step size.
+    #[test]
+    fn estimates_are_those_of_steps_made_twice() {
+        for damping in [0.0, 0.02, 0.5] {
+            let mut scene = cloth(5, Material::of_cloth());
+            for (index, spring) in scene.springs.iter_mut().enumerate() {
+                spring.damping = damping * (1.0 + (index % 3) as f64);
+            }
+            for (index, node) in scene.nodes.iter_mut().enumerate() {
+                let phase = 1.3 * index as f64;
+                node.velocity = Vector3::new(phase.sin(), phase.cos(), (2.0 * phase).sin()) * 0.3;
+            }
+            let system = compile(&scene).unwrap();
+            let fastest = system.frequency_bound().max(system.damping_rate_bound());
+            let misses = [0.1, 0.05].map(|angle| {
+                let h = angle / fastest;
+                let verlet = Box::new(Splitting::velocity_verlet(&system));
+                let methods: [Box<dyn Method>; 2] = [
+                    Box::new(VerletPairs::new(&system)),
+                    Box::new(Doubling::new(&system, verlet)),
+                ];
+                let [pairs, twice] = methods.map(|mut method| {
+                    let mut state = State::initial(&system);
+                    let interval = Interval {
+                        start: 0.0,
+                        end: h,
+                        size: h,
+                    };
+                    let anchors = Anchors::new(&system, &state);
+                    let mut work = Work::default();
+                    let estimate = method
+                        .step(&system, &anchors, interval, &mut state, &mut work)
+                        .unwrap();
+                    (state.x, estimate.unwrap().rate)
+                });
+                assert_eq!(pairs.0, twice.0);
+                (pairs.1 / twice.1 - 1.0).abs()
+            });
+            assert!(
+                misses.iter().all(|miss| *miss < 0.15),
+                "{damping}: {misses:?}"
+            );
+        }
+    }
+}

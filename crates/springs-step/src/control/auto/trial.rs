@@ -75,15 +75,16 @@ impl Auto {
         }
     }
 
-    /// [`Self::try_out`] at the start, and for implicit methods once more where
+    /// [`Self::try_out`] at the start, with steps of size `from`, and for implicit methods once more where
     /// the step leads: from rest they would promise steps that they do not keep.
     pub(super) fn try_out_from_rest(
         &mut self,
         task: Task<'_>,
         index: usize,
+        from: Option<f64>,
         trials: &mut Trials<'_>,
     ) -> Result<(Trial, f64), Abandoned> {
-        let (first, cost) = self.try_out(task, index, None, trials)?;
+        let (first, cost) = self.try_out(task, index, from, trials)?;
         if self.candidates[index].is_explicit() || !first.price.is_finite() {
             return Ok((first, cost));
         }

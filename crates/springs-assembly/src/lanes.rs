@@ -1,0 +1,62 @@
+//! Vectors at the ends of several connections of a run at once.
+
+use crate::run::{LANES, Run};
+use nalgebra::Vector3;
+use std::ops::Range;
+
+/// The slots of each run within those of all.
+pub(crate) fn slots(runs: &[Run]) -> impl Iterator<Item = (&Run, Range<usize>)> {
+    runs.iter()
+        .map(|run| (run, run.first_slot..run.first_slot + run.n_slots))
+}
+
+/// Coordinates of the blocks at one end.
+pub(crate) type Ends = [f64; 3 * LANES];
+/// A number of each spring.
+pub(crate) type Lanes = [f64; LANES];
+#[inline(always)]
+pub(crate) fn lanes_at(vectors: &[f64], block: usize) -> &Ends {
+    let lanes = &vectors[3 * block..3 * block + 3 * LANES];
+    lanes.try_into().expect("as many as there are")
+}
+
+/// Adds to the first ends, and subtracts from the second ones.
+#[inline(always)]
+pub(crate) fn add_to_ends(sums: &mut [f64], [first, second]: [usize; 2], values: &Ends) {
+    // The second end first: with an offset below the number of lanes, a block is the
+    // second end of an earlier spring than it is the first of.
+    let (_, on_second) = sums.split_at_mut(3 * second);
+    for (sum, value) in on_second[..3 * LANES].iter_mut().zip(values) {
+        *sum -= value;
+    }
+    let (_, on_first) = sums.split_at_mut(3 * first);
+    for (sum, value) in on_first[..3 * LANES].iter_mut().zip(values) {
+        *sum += value;
+    }
+}
+
+#[inline(always)]
+pub(crate) fn differences([start, end]: [&Ends; 2]) -> Ends {
+    let mut differences = [0.0; 3 * LANES];
+    for c in 0..3 * LANES {
+        differences[c] = end[c] - start[c];
+    }
+    differences
+}
+
+#[inline(always)]
+pub(crate) fn dots(a: &Ends, b: &Ends) -> Lanes {
+    let mut dots = [0.0; LANES];
+    for c in 0..LANES {
+        dots[c] = a[3 * c] * b[3 * c] + a[3 * c + 1] * b[3 * c + 1] + a[3 * c + 2] * b[3 * c + 2];
+    }
+    dots
+}
+
+pub(crate) fn vector_at(vectors: &Ends, place: usize) -> Vector3<f64> {
+    Vector3::from_column_slice(&vectors[3 * place..3 * place + 3])
+}
+
+pub(crate) fn set_vector_at(vectors: &mut Ends, place: usize, vector: &Vector3<f64>) {
+    vectors[3 * place..3 * place + 3].copy_from_slice(vector.as_slice());
+}
