@@ -401,11 +401,21 @@ impl System {
         accelerations: &mut [Vector3<f64>],
     ) {
         self.forces(time, x, v, accelerations);
+        self.divide_by_masses(accelerations);
+    }
+
+    /// Makes accelerations, in m/s², of forces on the free blocks, in N; their masses must not be
+    /// zero.
+    ///
+    /// # Panics
+    ///
+    /// If there are fewer forces than free blocks.
+    pub fn divide_by_masses(&self, forces: &mut [Vector3<f64>]) {
         let scale = |(numbers, factors): (&mut [Vector3<f64>], &[f64])| {
             let numbers = bytemuck::cast_slice_mut(numbers);
             Arch::new().dispatch(Scale { numbers, factors });
         };
-        let all = &mut accelerations[..self.n_free()];
+        let all = &mut forces[..self.n_free()];
         let factors = &self.inverse_masses[..];
         let Some(share) = share_of_pass_here(all.len()) else {
             return scale((all, factors));

@@ -203,21 +203,22 @@ pub(crate) struct Impulses {
     /// Velocities of all blocks at the start of the step, in m/s, where anything is
     /// damped or loaded.
     start: Vec<Vector3<f64>>,
-    /// Of the damping forces of each damped emitter on all blocks, in N·s.
+    /// Of each damped emitter.
     damping: Vec<Damping>,
     /// Of each force that loads bring, in their order.
     loads: Vec<LoadImpulse>,
-    /// Forces of one emitter on all blocks, in N, where anything is damped.
-    forces: Vec<Vector3<f64>>,
     /// Of the step: works of anchors, and of loads kick by kick, as far as they are added;
     /// all of them when it is [finished](Self::finish).
     flows: Flows,
     anchors_move: bool,
 }
 
-/// Impulses of the damping forces of an emitter.
+/// What the damping forces of an emitter give to all blocks.
 struct Damping {
     line: usize,
+    /// In N, where they were last evaluated.
+    forces: Vec<Vector3<f64>>,
+    /// In N·s.
     impulses: Vec<Vector3<f64>>,
 }
 
@@ -237,6 +238,7 @@ impl Impulses {
         };
         let damping = system.damped().map(|(line, _)| Damping {
             line,
+            forces: zeros(true),
             impulses: zeros(true),
         });
         let mut loads = Vec::new();
@@ -253,7 +255,6 @@ impl Impulses {
             damping: damping.collect(),
             start: zeros(system.is_damped() || !loads.is_empty()),
             loads,
-            forces: zeros(system.is_damped()),
             flows,
             anchors_move: false,
         }
@@ -288,18 +289,18 @@ impl Impulses {
         v: &[Vector3<f64>],
     ) {
         self.add_loads(system, weight, time);
-        self.add_all_but_loads(system, weight, x, v);
+        self.add_damping(system, weight, x, v);
+        self.add_anchor_works(system, weight, x, v);
     }
 
-    /// The same without loads.
-    pub(crate) fn add_all_but_loads(
+    /// Works of anchors against forces that depend on positions alone.
+    pub(crate) fn add_anchor_works(
         &mut self,
         system: &System,
         weight: f64,
         x: &[Vector3<f64>],
         v: &[Vector3<f64>],
     ) {
-        self.add_damping(system, weight, x, v);
         if self.anchors_move {
             system.add_anchor_works(weight, x, v, self.anchor_works(system));
         }
@@ -313,14 +314,40 @@ impl Impulses {
         x: &[Vector3<f64>],
         v: &[Vector3<f64>],
     ) {
+        self.evaluate_damping(system, x, v);
+        self.add_evaluated(weight);
+    }
+
+    /// Evaluates forces that damp, to be [added](Self::add_evaluated).
+    pub(crate) fn evaluate_damping(
+        &mut self,
+        system: &System,
+        x: &[Vector3<f64>],
+        v: &[Vector3<f64>],
+    ) {
         let n_free = system.n_free();
         for ((_, emitter), damping) in system.damped().zip(&mut self.damping) {
-            self.forces.fill(Vector3::zeros());
-            let (free, fixed) = self.forces.split_at_mut(n_free);
+            damping.forces.fill(Vector3::zeros());
+            let (free, fixed) = damping.forces.split_at_mut(n_free);
             emitter.add_damping_forces(x, v, free);
             emitter.add_damping_reactions(x, v, fixed);
-            for (impulse, force) in damping.impulses.iter_mut().zip(&self.forces) {
-                *impulse += force * weight;
+        }
+    }
+
+    /// Those of the last evaluation on free blocks, in N, of one damped emitter after the
+    /// other.
+    pub(crate) fn evaluated(&self) -> impl Iterator<Item = &[Vector3<f64>]> {
+        self.damping.iter().map(|damping| &damping.forces[..])
+    }
+
+    /// The forces that damp of the last evaluation act for a time `weight` = bᵢ h, in s.
+    pub(crate) fn add_evaluated(&mut self, weight: f64) {
+        for Damping {
+            forces, impulses, ..
+        } in &mut self.damping
+        {
+            for (impulse, force) in impulses.iter_mut().zip(forces) {
+                *impulse += *force * weight;
             }
         }
     }
@@ -370,7 +397,7 @@ impl Impulses {
             works.loads[load.load as usize] += load.impulse.dot(&mean(load.block as usize));
         }
         let n_free = system.n_free();
-        for Damping { line, impulses } in &self.damping {
+        for Damping { line, impulses, .. } in &self.damping {
             let blocks = impulses.iter().enumerate();
             let taken = blocks.clone().map(|(k, impulse)| -impulse.dot(&mean(k)));
             self.flows.heat[*line] = taken.sum();

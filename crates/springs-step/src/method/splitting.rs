@@ -38,6 +38,8 @@ pub struct Splitting {
     seen_at_start: Vec<Vector3<f64>>,
     last_seen: Vec<Vector3<f64>>,
     accelerations_are_known: bool,
+    /// The forces that damp at the start of the step were the last ones evaluated.
+    damping_is_evaluated: bool,
     impulses: Impulses,
     /// At the end of the last step, in J, if everything is finite.
     kinetic_energy: Option<f64>,
@@ -207,6 +209,7 @@ impl Splitting {
             seen_at_start: seen.clone(),
             seen,
             accelerations_are_known: false,
+            damping_is_evaluated: false,
             impulses: Impulses::new(system),
             kinetic_energy: None,
             error_weights,
@@ -237,6 +240,7 @@ impl Splitting {
     pub(crate) fn go_back(&mut self) {
         std::mem::swap(&mut self.accelerations, &mut self.last_accelerations);
         std::mem::swap(&mut self.seen_at_start, &mut self.last_seen);
+        self.damping_is_evaluated = false;
     }
 
     /// Accelerations at the start and at the end of the last accepted step, and at the
@@ -249,14 +253,24 @@ impl Splitting {
         ]
     }
 
+    /// Accelerations at a time, positions and velocities; forces that damp stay evaluated.
     fn accelerate(
         system: &System,
         (time, x, v): (f64, &[Vector3<f64>], &[Vector3<f64>]),
         accelerations: &mut [Vector3<f64>],
+        impulses: &mut Impulses,
         work: &mut Work,
     ) {
         timed(&mut work.phases.assembly, || {
-            system.accelerations(time, x, v, accelerations);
+            let forces = system.static_forces(x, accelerations);
+            impulses.evaluate_damping(system, x, v);
+            for damping in impulses.evaluated() {
+                for (force, damping) in forces.iter_mut().zip(damping) {
+                    *force += damping;
+                }
+            }
+            system.add_loads(time, forces);
+            system.divide_by_masses(forces);
         });
         work.counts.force_evaluations += 1;
     }
@@ -300,8 +314,9 @@ impl Method for Splitting {
         let (is_damped, n_free) = (system.is_damped(), system.n_free());
         if !self.accelerations_are_known {
             let start = (interval.start, &state.x[..], &state.v[..]);
-            Self::accelerate(system, start, &mut self.accelerations, work);
-            self.accelerations_are_known = true;
+            let accelerations = &mut self.accelerations;
+            Self::accelerate(system, start, accelerations, &mut self.impulses, work);
+            (self.accelerations_are_known, self.damping_is_evaluated) = (true, true);
             if is_damped {
                 self.seen_at_start.copy_from_slice(&state.v);
             }
@@ -319,8 +334,13 @@ impl Method for Splitting {
             &state.v
         };
         let first_kick = self.kicks[0] * h;
+        if !self.damping_is_evaluated {
+            self.impulses.evaluate_damping(system, &state.x, seen);
+        }
+        self.damping_is_evaluated = false;
+        self.impulses.add_evaluated(first_kick);
         self.impulses
-            .add_all_but_loads(system, first_kick, &state.x, seen);
+            .add_anchor_works(system, first_kick, &state.x, seen);
         let mut kicked_at = interval.start;
         let mut elapsed = 0.0;
         for stage in 0..self.drifts.len() {
@@ -352,10 +372,10 @@ impl Method for Splitting {
                 self.seen[n_free..].copy_from_slice(&state.v[n_free..]);
             }
             let seen = if is_damped { &self.seen } else { &state.v };
-            let next = &mut self.next_accelerations;
-            Self::accelerate(system, (time, &state.x, seen), next, work);
-            self.impulses
-                .add_all_but_loads(system, next_kick, &state.x, seen);
+            let (next, impulses) = (&mut self.next_accelerations, &mut self.impulses);
+            Self::accelerate(system, (time, &state.x, seen), next, impulses, work);
+            impulses.add_evaluated(next_kick);
+            impulses.add_anchor_works(system, next_kick, &state.x, seen);
             kicked_at = time;
         }
         self.add_to_errors(self.drifts.len(), h);
@@ -388,6 +408,9 @@ impl Method for Splitting {
         archive.vectors(&mut self.accelerations);
         archive.vectors(&mut self.seen_at_start);
         archive.vectors(&mut self.last_seen);
+        if archive.is_loading() {
+            self.damping_is_evaluated = false;
+        }
         if let Some(weighing) = &mut self.weighing {
             weighing.archive(archive);
         }
@@ -398,6 +421,7 @@ impl Method for Splitting {
         std::mem::swap(&mut self.accelerations, &mut self.next_accelerations);
         std::mem::swap(&mut self.last_seen, &mut self.seen_at_start);
         std::mem::swap(&mut self.seen_at_start, &mut self.seen);
+        self.damping_is_evaluated = true;
     }
 
     fn flows(&self) -> Option<&Flows> {
