@@ -44,7 +44,7 @@ fn run(scene: &Scene, h: f64) -> (Simulation, bool) {
     let options = RunOptions::default();
     let method = |system: &System| -> Box<dyn springs_step::Method> {
         let method = FilteredLeapfrog::new(system, &options).unwrap();
-        Box::new(method.with_stiff_springs_alone())
+        Box::new(method.for_tolerance())
     };
     let mut simulation = Simulation::with_method(&scene, &options, method).unwrap();
     simulation.run(1, &mut ()).unwrap();

@@ -154,16 +154,21 @@ pub(crate) fn equal_steps(
         };
         let falls = coarse_error / error;
         let trusted = error.max(coarse_error / (gain * REGULAR));
+        // No two runs show what both leave out.
+        let left_out = fine.as_ref().map_or(0.0, |fine| fine.left_out);
+        let allowed = tolerance / MARGIN - left_out;
         // Not a number, too, is too large.
-        if trusted <= tolerance / MARGIN {
-            return Ok(Some(EqualSteps { n, error: trusted }));
+        if trusted <= allowed {
+            let error = trusted + left_out;
+            return Ok(Some(EqualSteps { n, error }));
         }
         let least = n as f64 * (error / tolerance).powf(1.0 / STEEPEST);
         if error.is_finite() && least * (budget.of_step)(method, duration / least) > budget.of_run {
             return Ok(None);
         }
         let is_regular = (gain / REGULAR..gain * REGULAR).contains(&falls);
-        let needed = n as f64 * (MARGIN * error / tolerance).powf(1.0 / f64::from(order));
+        let needed = n as f64 * (error / allowed).powf(1.0 / f64::from(order));
+        // Not a number where less is allowed than nothing.
         if is_regular && was_regular && needed <= TRUSTED * n as f64 {
             return Ok(Some(EqualSteps {
                 n: needed.ceil() as u64,
@@ -191,8 +196,14 @@ fn first_run(fewest: u64, budget: f64, of_step: &mut dyn FnMut(u64) -> f64) -> u
 const THREE_RUNS: f64 = 7.0;
 const MOST_DOUBLINGS: u32 = 13;
 
-/// Positions of the free blocks, in m, at equally spaced times.
-type Samples = Vec<Vec<Vector3<f64>>>;
+/// What comes of a run.
+#[derive(Default)]
+struct Samples {
+    /// Positions of the free blocks, in m, at equally spaced times.
+    positions: Vec<Vec<Vector3<f64>>>,
+    /// Of vibrations, in m, at most at these times.
+    left_out: f64,
+}
 
 /// What comes of `n` equal steps; `None` if a step fails.
 fn run(
@@ -204,7 +215,7 @@ fn run(
 ) -> Result<Option<Samples>, Abandoned> {
     let plan = StepPlan::equal(duration, n);
     let mut state = State::initial(system);
-    let mut samples = Samples::new();
+    let mut samples = Samples::default();
     method.restart();
     for step in 1..=n {
         let interval = Interval {
@@ -220,7 +231,11 @@ fn run(
         method.accept();
         state.time = interval.end;
         if step.is_multiple_of(n / FEWEST) {
-            samples.push(state.x[..system.n_free()].to_vec());
+            samples.positions.push(state.x[..system.n_free()].to_vec());
+            let Ok(left_out) = method.left_out(system, &mut trials.work) else {
+                return Ok(None);
+            };
+            samples.left_out = samples.left_out.max(left_out);
         }
     }
     Ok(Some(samples))
@@ -228,13 +243,14 @@ fn run(
 
 /// The largest coordinate at any of the times, in m.
 fn farthest(samples: &Samples) -> f64 {
-    let coordinates = samples.iter().flatten().map(Vector3::amax);
+    let coordinates = samples.positions.iter().flatten().map(Vector3::amax);
     coordinates.fold(0.0, f64::max)
 }
 
 /// The largest distance of a node from itself, at any of the times.
 fn distance(a: &Samples, b: &Samples) -> f64 {
-    let pairs = a.iter().flatten().zip(b.iter().flatten());
+    let [a, b] = [a, b].map(|samples| samples.positions.iter().flatten());
+    let pairs = a.zip(b);
     // `f64::max` would lose what is not a number.
     pairs.fold(0.0, |largest, (a, b)| {
         let distance = (a - b).norm();

@@ -103,6 +103,17 @@ pub trait Method: Send {
         None
     }
 
+    /// How large vibrations are, in m, that positions do not show, because they were left out at
+    /// the start or steps do not resolve them: about, and not less. Asked after a step
+    /// that was accepted.
+    ///
+    /// # Errors
+    ///
+    /// If a system of equations cannot be solved.
+    fn left_out(&mut self, _system: &System, _work: &mut Work) -> Result<f64, MethodError> {
+        Ok(0.0)
+    }
+
     /// Whom to hear during a step that may take long: asked to stop, it ends soon
     /// with [`MethodError::Interrupted`].
     fn set_interrupt(&mut self, _interrupt: &Interrupt) {}

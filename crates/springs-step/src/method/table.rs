@@ -212,7 +212,7 @@ static TABLE: [Properties; 10] = [
             let method = FilteredLeapfrog::new(system, &choice.options)?;
             Ok(Box::new(match choice.pace {
                 Pace::Fixed(_) => method,
-                Pace::Tolerance(_) => method.with_stiff_springs_alone(),
+                Pace::Tolerance(_) => method.for_tolerance(),
             }))
         },
         ..implicit(scene::Method::FilteredLeapfrog)

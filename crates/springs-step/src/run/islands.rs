@@ -474,6 +474,10 @@ impl Islands {
     }
 
     fn planned_end_of_round(&self) -> f64 {
+        // Nothing wakes them.
+        if self.parts.iter().all(|part| part.asleep_since.is_some()) {
+            return self.duration();
+        }
         let rounds = match self.sleep {
             None => ROUNDS,
             Some(_) => ROUNDS_WITH_SLEEP,
