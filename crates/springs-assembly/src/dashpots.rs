@@ -2,7 +2,7 @@
 
 mod runs;
 
-use self::runs::{DashpotRuns, Pair};
+use self::runs::DashpotRuns;
 use crate::anchor_works::share_out;
 use crate::connections::Connections;
 use crate::matrix::PairBlock;
@@ -52,23 +52,6 @@ impl Dashpots {
             let (runs, ends) = (self.connections.runs(), self.connections.ends());
             DashpotRuns::new(runs, ends, |index| self.acting(index, || 0.0).0.damping)
         });
-    }
-
-    /// Adds `weight` times the forces, in N, of dashpots with a free end at positions and
-    /// velocities.
-    fn add_weighted_forces(&self, [x, v]: Pair<'_>, weight: f64, forces: &mut [Vector3<f64>]) {
-        let work = |segment: &Segment, first: usize, forces: &mut [Vector3<f64>]| {
-            if let Some(numbers) = &self.in_runs {
-                let runs = &self.connections.runs()[segment.runs.clone()];
-                numbers.add_forces(runs, [x, v], weight, (first, &mut *forces));
-            }
-            let others = segment.live(self.in_runs.is_some());
-            for index in others.into_iter().flatten() {
-                let force = self.force(index, x, v) * weight;
-                self.connections.add_force(index, force, (first, forces));
-            }
-        };
-        self.connections.segments().add_up(forces, work);
     }
 
     /// With where each of them acts.
@@ -252,7 +235,18 @@ impl Emitter for Dashpots {
         v: &[Vector3<f64>],
         forces: &mut [Vector3<f64>],
     ) {
-        self.add_weighted_forces([x, v], 1.0, forces);
+        let work = |segment: &Segment, first: usize, forces: &mut [Vector3<f64>]| {
+            if let Some(numbers) = &self.in_runs {
+                let runs = &self.connections.runs()[segment.runs.clone()];
+                numbers.add_forces(runs, [x, v], 1.0, (first, &mut *forces));
+            }
+            let others = segment.live(self.in_runs.is_some());
+            for index in others.into_iter().flatten() {
+                let force = self.force(index, x, v);
+                self.connections.add_force(index, force, (first, forces));
+            }
+        };
+        self.connections.segments().add_up(forces, work);
     }
 
     fn add_damping_reactions(

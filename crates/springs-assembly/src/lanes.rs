@@ -12,8 +12,9 @@ pub(crate) fn slots(runs: &[Run]) -> impl Iterator<Item = (&Run, Range<usize>)> 
 
 /// Coordinates of the blocks at one end.
 pub(crate) type Ends = [f64; 3 * LANES];
-/// A number of each spring.
+/// A number of each connection.
 pub(crate) type Lanes = [f64; LANES];
+
 #[inline(always)]
 pub(crate) fn lanes_at(vectors: &[f64], block: usize) -> &Ends {
     let lanes = &vectors[3 * block..3 * block + 3 * LANES];

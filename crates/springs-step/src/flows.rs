@@ -334,7 +334,7 @@ impl Impulses {
         }
     }
 
-    /// Those of the last evaluation on free blocks, in N, of one damped emitter after the
+    /// Those of the last evaluation on all blocks, in N, of one damped emitter after the
     /// other.
     pub(crate) fn evaluated(&self) -> impl Iterator<Item = &[Vector3<f64>]> {
         self.damping.iter().map(|damping| &damping.forces[..])

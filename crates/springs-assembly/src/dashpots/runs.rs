@@ -13,8 +13,8 @@ use springs_math::dashpot::{self, Dashpot};
 #[derive(Clone, Debug)]
 pub(super) struct DashpotRuns(Vec<f64>);
 
-/// Two vectors of every block.
-pub(super) type Pair<'a> = [&'a [Vector3<f64>]; 2];
+/// Two vectors of every block: positions and velocities.
+type Pair<'a> = [&'a [Vector3<f64>]; 2];
 
 impl DashpotRuns {
     /// Of dashpots with these ends.

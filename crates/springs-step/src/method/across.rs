@@ -12,11 +12,12 @@ const HARMLESS: f64 = 0.3;
 /// Across stiffness in the matrix of filtered leapfrog.
 ///
 /// Tensions there hold springs against turning: needed where nothing else does (a taut net
-/// off its plane), since such vibrations may be far too fast for the step; but they hold a
-/// body back that turns as a whole, and where more springs meet than it takes, tensions of
-/// rounded lengths are far above those that matter. So each spring gets the part 1 − s₀/s of
-/// its tension, with s = 2h² tr((m I + αh²A)⁻¹G) of the node at its ends where that is larger, where A and G are what
-/// springs give along and across against a move of that node alone.
+/// off its plane), since such vibrations may be far too fast for the step. But they hold back
+/// a body that turns as a whole, and where more springs meet than it takes, tensions that
+/// come of the step are far above those that matter. So each spring gets the part
+/// 1 − s₀/s of its tension, with s = 2h² tr((m I + αh²A)⁻¹G) of the node at its ends where that
+/// is larger; A and G are what springs give along and across against a move of that node
+/// alone.
 pub(super) struct Across {
     own: Vec<OwnStiffness>,
     /// Of the tensions at each block.
@@ -69,4 +70,59 @@ fn trace_of_ratio(a: &Matrix3<f64>, b: &Matrix3<f64>) -> f64 {
     // Rows of B⁻¹ are these over the determinant.
     let sum = yz.dot(&a.column(0)) + zx.dot(&a.column(1)) + xy.dot(&a.column(2));
     sum / x.dot(&yz)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use springs_assembly::compile;
+    use springs_scene::{Node, Scene};
+
+    #[test]
+    fn traces_are_those_of_the_inverse() {
+        let a = Matrix3::new(3.0, -0.4, 0.7, -0.4, 2.0, 0.1, 0.7, 0.1, 5.0);
+        let b = Matrix3::new(6.0, 1.5, -0.3, 1.5, 4.0, 0.8, -0.3, 0.8, 1.0);
+        let expected = (b.try_inverse().unwrap() * a).trace();
+        assert!((trace_of_ratio(&a, &b) / expected - 1.0).abs() < 1e-14);
+    }
+
+    /// A node between anchors at ±1 m along some axes, pulled at by springs of 1e6 N/m.
+    fn node_between(axes: usize) -> System {
+        let mut scene = Scene::default();
+        scene.add_node(Node {
+            mass: 1.0,
+            ..Node::at(Vector3::zeros())
+        });
+        for axis in 0..axes {
+            for side in [-1.0, 1.0] {
+                let anchor = scene.add_node(Node::fixed(Vector3::ith(axis, side)));
+                scene.add_spring(0, anchor, 1e6);
+            }
+        }
+        compile(&scene).unwrap()
+    }
+
+    #[test]
+    fn tensions_are_left_where_nothing_else_holds() {
+        for (axes, h, expected) in [
+            // A string: s = 2h²·2·2T/m of two directions; s₀/s is left out.
+            (1, 1e-1, 1.0 - HARMLESS / (2.0 * 1e-2 * 4.0 * 50.0)),
+            (1, 1e-3, 0.0),
+            // Held in every direction, by far more than tensions do.
+            (3, 1e-1, 0.0),
+        ] {
+            let system = node_between(axes);
+            let mut tensions = vec![50.0; system.n_carried()];
+            tensions[0] = -10.0;
+            tensions[1] = 100.0;
+            let x = system.initial_positions();
+            let steps = (h, 0.3 * h * h);
+            Across::new(&system).leave_needed(&system, x, steps, &mut tensions);
+            assert_eq!(tensions[0], 0.0);
+            assert!(
+                (tensions[1] - 100.0 * expected).abs() < 1e-10,
+                "{tensions:?}"
+            );
+        }
+    }
 }
