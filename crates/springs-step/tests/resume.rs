@@ -357,6 +357,39 @@ fn large_scenes_with_iterative_solvers() {
     }
 }
 
+/// Stages that are solved only after their first correction failed: a massless node is drawn
+/// to the other one, until steps get too small.
+#[test]
+fn steps_that_fail() {
+    let mut scene = Scene::default();
+    for (z, mass) in [(0.0, 0.0), (-2.0, 7.430033485354642)] {
+        scene.add_node(Node {
+            mass,
+            ..Node::at(Vector3::new(0.0, 0.0, z))
+        });
+    }
+    scene.add_spring(0, 1, 0.1);
+    scene.springs[0].rest_length = 1e-5;
+    scene.settings.duration = 0.01;
+    for stop in 1..12 {
+        let mut islands = Islands::new(&scene).unwrap();
+        let mut watcher = Watcher {
+            calls_left: Some(stop),
+            ..Watcher::default()
+        };
+        assert_eq!(islands.run(1, &mut watcher), Ok(Outcome::Stopped));
+        let mut resumed = Islands::new(&scene).unwrap();
+        resumed.restore(islands.save()).unwrap();
+        let [through, again] = [&mut islands, &mut resumed].map(|islands| {
+            let error = islands.run(1, &mut Watcher::default()).unwrap_err();
+            let counts = islands.work().counts;
+            let matrices = (counts.linearizations, counts.solves, counts.clamped_springs);
+            (error, islands.nodes().clone(), matrices)
+        });
+        assert_eq!(through, again, "after {stop}");
+    }
+}
+
 #[test]
 fn the_state_of_another_scene_is_refused() {
     let scene = undamped(9, 3);

@@ -164,6 +164,10 @@ impl Stage {
             state.x[block] += v * c;
         }
         self.tensions.copy_from_slice(tensions);
+        if !problem.goes_on {
+            // Unless the first correction fails it is found below.
+            self.first = f64::INFINITY;
+        }
         self.largest_coordinate = system.largest_coordinate(&state.x);
         let rounds = if problem.accuracy.is_some() {
             ROUNDS_OF_ADAPTIVE_STEPS
