@@ -1,7 +1,7 @@
 //! Emitters: what gives energy, force and force gradient.
 
 use crate::{Linearization, Numbering};
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use springs_math::dashpot::Fading;
 use springs_math::spring::Spring;
 
@@ -297,13 +297,14 @@ pub trait Emitter: Send + Sync {
     }
 }
 
-/// What the terms of carried numbers give, in N/m, against a move of one block alone.
+/// What the terms of carried numbers give, in N/m, against a move of one block alone: symmetric
+/// 3 × 3 matrices, in the order of [`PACKED`](crate::PACKED).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct OwnStiffness {
     /// Without these numbers: along springs.
-    pub along: Matrix3<f64>,
+    pub along: [f64; 6],
     /// What those of them bring that are positive: across springs that pull.
-    pub across: Matrix3<f64>,
+    pub across: [f64; 6],
 }
 
 /// The numbers of a spring that may change between steps.

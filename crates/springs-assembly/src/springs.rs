@@ -8,9 +8,9 @@ use crate::segments::{Segment, Segments};
 use crate::sums::{Linearized, Sums};
 use crate::{
     BrokenSpring, Emitter, Evaluation, Linearization, MemoryUpdate, Nature, Notable, Numbering,
-    OwnStiffness, Projection, SpringNumbers, StiffnessKind, Strained,
+    OwnStiffness, PACKED, Projection, SpringNumbers, StiffnessKind, Strained,
 };
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use springs_math::Separation;
 use springs_math::spring::{self, LengthLaw, Spring};
 
@@ -500,13 +500,16 @@ impl<L: LengthLaw + Clone + Send + Sync + 'static> Emitter for Springs<L> {
 
     fn add_own_stiffness(&self, x: &[Vector3<f64>], carried: &[f64], own: &mut [OwnStiffness]) {
         self.each_along_and_across(x, carried, |index, spring| {
-            let projection = spring.separation.along();
-            let along = projection * spring.stiffness.max(0.0);
-            let across = (Matrix3::identity() - projection) * spring.tension_per_length.max(0.0);
+            let u = spring.separation.direction;
+            let projection = PACKED.map(|(row, column)| u[row] * u[column]);
+            let along = spring.stiffness.max(0.0);
+            let across = spring.tension_per_length.max(0.0);
             for &block in self.connections.free_ends(index) {
                 let own = &mut own[block as usize];
-                own.along += along;
-                own.across += across;
+                for entry in 0..6 {
+                    own.along[entry] += along * projection[entry];
+                    own.across[entry] += across * (IDENTITY[entry] - projection[entry]);
+                }
             }
         });
     }

@@ -82,8 +82,9 @@ const TRIAL_RUNS: f64 = 0.5;
 const FEWEST_TRIAL_STEPS: f64 = 24.0;
 const USUAL_TRIAL_STEPS: f64 = 56.0;
 /// Trial runs are not made beside an explicit method, if methods with a matrix that
-/// change their steps cost so many times as much: a step of filtered leapfrog takes one
-/// solution, a step of TR-BDF2 four or so, of about the same size.
+/// change their steps cost so many times as much. A step of filtered leapfrog takes one
+/// solution, a step of TR-BDF2 four or so, of about the same size; but only what is several
+/// times cheaper pays for its trial runs.
 const FAR: f64 = 2.0;
 /// Springs that are stiff for steps are looked for in steps of so many halves of the
 /// duration.

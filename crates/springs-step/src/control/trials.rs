@@ -162,7 +162,7 @@ pub(crate) fn equal_steps(
             let error = trusted + left_out;
             return Ok(Some(EqualSteps { n, error }));
         }
-        let least = n as f64 * (error / tolerance).powf(1.0 / STEEPEST);
+        let least = n as f64 * (error / tolerance).powf(1.0 / STEEPEST).max(1.0);
         if error.is_finite() && least * (budget.of_step)(method, duration / least) > budget.of_run {
             return Ok(None);
         }

@@ -1,7 +1,7 @@
 //! How much across stiffness steps need in their matrix.
 
-use nalgebra::{Matrix3, Vector3};
-use springs_assembly::{OwnStiffness, System};
+use nalgebra::Vector3;
+use springs_assembly::{OwnStiffness, PACKED, System};
 
 /// Up to this, steps of velocity Verlet with across stiffness need none of it in their
 /// matrix; twice this, half of it, and so on. They are stable to 4, but along with other
@@ -44,7 +44,10 @@ impl Across {
         system.own_stiffness(x, tensions, &mut self.own);
         let blocks = self.own.iter().zip(system.masses());
         for (part, (own, &mass)) in self.parts.iter_mut().zip(blocks) {
-            let held = Matrix3::from_diagonal_element(mass) + own.along * filter;
+            let mut held = own.along.map(|along| along * filter);
+            for diagonal in [0, 3, 5] {
+                held[diagonal] += mass;
+            }
             let ratio = 2.0 * h * h * trace_of_ratio(&own.across, &held);
             // Massless blocks may be held by nothing else.
             let is_needed = mass == 0.0 || !ratio.is_finite();
@@ -63,18 +66,30 @@ impl Across {
     }
 }
 
-/// tr(B⁻¹A) of symmetric matrices.
-fn trace_of_ratio(a: &Matrix3<f64>, b: &Matrix3<f64>) -> f64 {
-    let [x, y, z] = [0, 1, 2].map(|column| b.column(column).into_owned());
-    let [yz, zx, xy] = [y.cross(&z), z.cross(&x), x.cross(&y)];
-    // Rows of B⁻¹ are these over the determinant.
-    let sum = yz.dot(&a.column(0)) + zx.dot(&a.column(1)) + xy.dot(&a.column(2));
-    sum / x.dot(&yz)
+/// tr(B⁻¹A) of symmetric packed matrices.
+fn trace_of_ratio(a: &[f64; 6], b: &[f64; 6]) -> f64 {
+    let [xx, xy, xz, yy, yz, zz] = *b;
+    // B⁻¹ is these over the determinant.
+    let cofactors = [
+        yy * zz - yz * yz,
+        xz * yz - xy * zz,
+        xy * yz - xz * yy,
+        xx * zz - xz * xz,
+        xy * xz - xx * yz,
+        xx * yy - xy * xy,
+    ];
+    let determinant = xx * cofactors[0] + xy * cofactors[1] + xz * cofactors[2];
+    let mut trace = 0.0;
+    for (&(row, column), (a, cofactor)) in PACKED.iter().zip(a.iter().zip(&cofactors)) {
+        trace += if row == column { 1.0 } else { 2.0 } * a * cofactor;
+    }
+    trace / determinant
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::Matrix3;
     use springs_assembly::compile;
     use springs_scene::{Node, Scene};
 
@@ -83,6 +98,7 @@ mod tests {
         let a = Matrix3::new(3.0, -0.4, 0.7, -0.4, 2.0, 0.1, 0.7, 0.1, 5.0);
         let b = Matrix3::new(6.0, 1.5, -0.3, 1.5, 4.0, 0.8, -0.3, 0.8, 1.0);
         let expected = (b.try_inverse().unwrap() * a).trace();
+        let [a, b] = [a, b].map(|matrix| PACKED.map(|entry| matrix[entry]));
         assert!((trace_of_ratio(&a, &b) / expected - 1.0).abs() < 1e-14);
     }
 

@@ -75,8 +75,9 @@ impl Auto {
         }
     }
 
-    /// [`Self::try_out`] at the start, with steps of size `from`, and for implicit methods once more where
-    /// the step leads: from rest they would promise steps that they do not keep.
+    /// [`Self::try_out`] at the start, with steps of size `from`, and for implicit methods
+    /// once more where the step leads: from rest they would promise steps that they do not
+    /// keep.
     pub(super) fn try_out_from_rest(
         &mut self,
         task: Task<'_>,
