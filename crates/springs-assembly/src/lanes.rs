@@ -2,6 +2,7 @@
 
 use crate::run::{LANES, Run};
 use nalgebra::Vector3;
+use pulp::Simd;
 use std::ops::Range;
 
 /// The slots of each run within those of all.
@@ -23,16 +24,22 @@ pub(crate) fn lanes_at(vectors: &[f64], block: usize) -> &Ends {
 
 /// Adds to the first ends, and subtracts from the second ones.
 #[inline(always)]
-pub(crate) fn add_to_ends(sums: &mut [f64], [first, second]: [usize; 2], values: &Ends) {
+pub(crate) fn add_to_ends<S: Simd>(
+    simd: S,
+    sums: &mut [f64],
+    [first, second]: [usize; 2],
+    values: &Ends,
+) {
+    let (values, _) = S::as_simd_f64s(values);
     // The second end first: with an offset below the number of lanes, a block is the
     // second end of an earlier spring than it is the first of.
-    let (_, on_second) = sums.split_at_mut(3 * second);
-    for (sum, value) in on_second[..3 * LANES].iter_mut().zip(values) {
-        *sum -= value;
+    let (sums_of_second, _) = S::as_mut_simd_f64s(&mut sums[3 * second..3 * second + 3 * LANES]);
+    for (sum, &value) in sums_of_second.iter_mut().zip(values) {
+        *sum = simd.sub_f64s(*sum, value);
     }
-    let (_, on_first) = sums.split_at_mut(3 * first);
-    for (sum, value) in on_first[..3 * LANES].iter_mut().zip(values) {
-        *sum += value;
+    let (sums_of_first, _) = S::as_mut_simd_f64s(&mut sums[3 * first..3 * first + 3 * LANES]);
+    for (sum, &value) in sums_of_first.iter_mut().zip(values) {
+        *sum = simd.add_f64s(*sum, value);
     }
 }
 

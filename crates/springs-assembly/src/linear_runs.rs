@@ -143,7 +143,12 @@ impl WithSimd for AddForces<'_> {
         self.numbers.each_lanes(self.runs, |at, law, _| {
             let ends = at.map(|at| lanes_at(self.x, at));
             let forces = forces_of(simd, ends, law);
-            add_to_ends(self.forces, at.map(|block| block - self.first), &forces);
+            add_to_ends(
+                simd,
+                self.forces,
+                at.map(|block| block - self.first),
+                &forces,
+            );
         });
     }
 }
@@ -195,7 +200,12 @@ impl WithSimd for AddProducts<'_> {
             for product in &mut products {
                 *product *= weight;
             }
-            add_to_ends(self.products, at.map(|block| block - self.first), &products);
+            add_to_ends(
+                simd,
+                self.products,
+                at.map(|block| block - self.first),
+                &products,
+            );
         });
     }
 }

@@ -100,7 +100,7 @@ impl WithSimd for AddForces<'_> {
             let [x, v] = self.state;
             let state = [at.map(|at| lanes_at(x, at)), at.map(|at| lanes_at(v, at))];
             let forces = forces_of(simd, state, damping, self.weight);
-            add_to_ends(self.sums, at.map(|block| block - self.first), &forces);
+            add_to_ends(simd, self.sums, at.map(|block| block - self.first), &forces);
         });
     }
 }

@@ -69,7 +69,7 @@ impl<P: PairBlock> WithSimd for Linearize<'_, P> {
             let x = ends.map(|block| lanes_at(self.x, block));
             let (forces, blocks) = linearized(simd, x, law, (&how, weight));
             let ends = ends.map(|block| block - self.first_block);
-            add_to_ends(self.forces, ends, &forces);
+            add_to_ends(simd, self.forces, ends, &forces);
             add_to_diagonal(self.diagonal, ends, &blocks);
             for (place, &spring) in springs.iter().enumerate() {
                 if spring != NO_SPRING {
