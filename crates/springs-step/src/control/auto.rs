@@ -81,7 +81,7 @@ const SHARE: f64 = 0.1;
 const TRIAL_RUNS: f64 = 0.5;
 const FEWEST_TRIAL_STEPS: f64 = 24.0;
 const USUAL_TRIAL_STEPS: f64 = 56.0;
-/// Trial runs are not made beside an explicit method, if methods with a matrix that
+/// Trial runs may cost [`SHARE`] only beside an explicit method, if methods with a matrix that
 /// change their steps cost so many times as much. A step of filtered leapfrog takes one
 /// solution, a step of TR-BDF2 four or so, of about the same size; but only what is several
 /// times cheaper pays for its trial runs.
@@ -94,6 +94,8 @@ const MOST_TRIAL_STEPS: f64 = 1e6;
 /// Adaptive steps cost more than they seem to at the start, where most scenes
 /// are at rest.
 const FROM_REST: f64 = 2.0;
+/// Their first step is this part of what suits them by trial.
+const FIRST_STEP: f64 = 0.1;
 /// Another method must be so many times cheaper than the present one.
 const CLEARLY: f64 = 1.3;
 /// Steps of other methods are tried from so many times those that the first one takes.
@@ -197,6 +199,8 @@ impl Auto {
     pub(crate) fn switch_to(&mut self, system: &System, index: usize) -> Option<Picked> {
         self.candidates.get(index)?;
         self.ensure_built(system, index).ok()?;
+        let idle = &mut self.candidates[index].idle;
+        idle.as_mut().expect("it is built").restart();
         self.current = index;
         Some(self.hand_over(Trial::default(), String::new()))
     }
@@ -236,12 +240,12 @@ impl Auto {
         {
             return Ok(settled);
         }
-        // What looks good at rest may be too long once it moves; explicit steps
-        // are bounded anyway.
+        // What looks good at rest may be too long once it moves; explicit steps are bounded
+        // anyway. But steps that resolve vibrations only to leave them behind are many.
         controller.begin_with(if self.candidates[self.current].is_explicit() {
             picked.step_size
         } else {
-            picked.step_size.min(controller.step_size())
+            FIRST_STEP * picked.step_size
         });
         Ok(Settled {
             choice: picked.choice,
@@ -251,7 +255,7 @@ impl Auto {
     }
 
     /// Finds out by trial runs whether filtered leapfrog is cheaper than the
-    /// method picked so far, unless that is explicit and the price `with_matrix` of
+    /// method picked so far. They are few if that is explicit and the price `with_matrix` of
     /// methods that were tried, in ns/s, is far above it.
     fn equal_steps_if_cheaper(
         &mut self,
@@ -269,25 +273,25 @@ impl Auto {
         // Explicit steps keep what they promise: stability bounds them.
         let is_explicit = self.candidates[self.current].is_explicit();
         let from_rest = if is_explicit { 1.0 } else { FROM_REST };
-        let (budget, fewest) = (TRIAL_RUNS * from_rest * to_beat, FEWEST_TRIAL_STEPS);
         // Where few springs are stiff, matrices with all of them say nothing of these steps.
         let mut halvings = (3..MOST_HALVINGS).map(|k| duration * 0.5f64.powi(k));
         let has_few_stiff =
             !is_of_one_kind(system) && halvings.any(|h| stiff_springs(system, h).is_some());
-        let is_too_dear = |cost: f64| cost > budget && !has_few_stiff;
-        if is_explicit && !has_few_stiff && with_matrix > FAR * self.price {
-            return Ok(None);
-        }
-        // What cannot be built is no choice.
-        if is_too_dear(fewest * self.costs.step_with_matrix())
+        let is_far = is_explicit && !has_few_stiff && with_matrix > FAR * self.price;
+        let part = if is_far { SHARE } else { TRIAL_RUNS };
+        let budget = part * from_rest * to_beat;
+        let is_too_dear = |costs: &CostModel| {
+            let usual = costs.step_with_matrix() + costs.attempt();
+            costs.analysis + FEWEST_TRIAL_STEPS * usual > budget && !has_few_stiff
+        };
+        // What cannot be built is no choice. Without fill it would cost at least as much.
+        if is_too_dear(&self.costs)
             || self.costs.learn_system(system).is_err()
+            || is_too_dear(&self.costs)
         {
             return Ok(None);
         }
         let usual = self.costs.step_with_matrix() + self.costs.attempt();
-        if is_too_dear(self.costs.analysis + fewest * usual) {
-            return Ok(None);
-        }
         let choice = Choice {
             method: scene::Method::FilteredLeapfrog,
             ..picked.clone()
@@ -350,7 +354,8 @@ impl Auto {
             state,
             controller,
         };
-        let (mut best, mut cost) = self.try_out_from_rest(task, 0, None, trials)?;
+        let (mut best, mut cost) =
+            self.try_out_from_rest(task, 0, (None, f64::INFINITY), trials)?;
         // Where the error bounds steps of order 8, and not stability, steps of order 2 are
         // hardly longer; far longer ones only cost corrections that do not converge.
         let longest = self.longest_step(system, 0, controller.left());
@@ -360,6 +365,7 @@ impl Auto {
         for index in 1..self.candidates.len() {
             if self.is_worth_trying(system, controller, index, best.price) {
                 let from = suitable.filter(|_| !self.candidates[index].is_explicit());
+                let from = (from, best.price);
                 let (tried, took) = self.try_out_from_rest(task, index, from, trials)?;
                 cost += took;
                 with_matrix = with_matrix.min(self.price_with_matrix(index, &tried));
@@ -379,12 +385,14 @@ impl Auto {
         Ok((self.hand_over(best, reason), with_matrix))
     }
 
-    /// The price of a candidate that was tried, in ns/s; infinite without a matrix.
+    /// The price of a candidate that was tried, in ns/s; infinite without a matrix. That of
+    /// the first attempt: where steps have become so short that they resolve vibrations which
+    /// longer ones leave behind, later prices say nothing of methods that leave them out.
     fn price_with_matrix(&self, index: usize, tried: &Trial) -> f64 {
         if self.candidates[index].is_explicit() {
             f64::INFINITY
         } else {
-            tried.price
+            tried.first_price
         }
     }
 
@@ -425,8 +433,8 @@ impl Auto {
         for index in 0..self.candidates.len() {
             if index != self.current && self.is_worth_trying(compiled.0, controller, index, to_beat)
             {
-                let h = Some(self.step_size);
-                let (tried, took) = self.try_out(task, index, h, trials)?;
+                let from = (Some(self.step_size), to_beat);
+                let (tried, took) = self.try_out(task, index, from, trials)?;
                 cost += took;
                 if tried.price < to_beat {
                     to_beat = tried.price;
@@ -455,7 +463,10 @@ impl Auto {
     fn hand_over(&mut self, trial: Trial, reason: String) -> Picked {
         let candidate = &mut self.candidates[self.current];
         let mut method = candidate.idle.take().expect("it was tried out");
-        method.restart();
+        // Explicit ones were tried from here: for them it is as if that step was rejected.
+        if !candidate.is_explicit() {
+            method.restart();
+        }
         Picked {
             method,
             choice: Choice {

@@ -38,6 +38,8 @@ pub(crate) enum Verdict {
 const SAFETY: f64 = 0.85;
 const CLEAR: f64 = 0.1;
 const LARGEST_GROWTH: f64 = 5.0;
+/// Suitable sizes are at most so many times that of the attempt.
+pub(crate) const MOST_SUITABLE: f64 = 10.0;
 const SMALLEST_SHRINKAGE: f64 = 0.1;
 
 impl Controller {
@@ -93,7 +95,7 @@ impl Controller {
         h * if factor.is_nan() {
             0.1
         } else {
-            factor.clamp(0.1, 10.0)
+            factor.clamp(0.1, MOST_SUITABLE)
         }
     }
 

@@ -85,10 +85,14 @@ const FEWEST: u64 = 8;
 /// Where errors fall as the order says, predictions are trusted this much
 /// further.
 const TRUSTED: f64 = 2.0;
+/// The same where they keep to it within [`VERY_REGULAR`], and the method tells what it leaves
+/// out: vibrations that all coarse runs miss.
+const FAR_TRUSTED: f64 = 8.0;
 /// Aimed at an error this much below the tolerance.
 const MARGIN: f64 = 1.5;
 /// Errors fall as the order says if their ratio is within this factor of it.
 const REGULAR: f64 = 2.0;
+const VERY_REGULAR: f64 = 1.1;
 /// Runs one after the other that fail, or that go so far that rounding exceeds the
 /// tolerance, each with steps half as long.
 const MOST_FAILURES: u32 = 12;
@@ -116,7 +120,8 @@ pub(crate) struct Budget<'a> {
 /// at the end. So runs are compared at eight times on the way, and an estimate is
 /// not trusted to be smaller than the one before by more than twice what the
 /// order says: three runs have to agree. A number of steps that was not tried is
-/// taken only where errors fell as the order says twice: from four runs.
+/// taken only where errors fell as the order says twice: from four runs. It may be
+/// far more where the method tells what it leaves out, which no two runs show.
 ///
 /// `None` if trial runs cost more than the budget, or if so many steps do as it takes even
 /// if errors fall as steeply as they ever do, or if a dozen
@@ -132,7 +137,7 @@ pub(crate) fn equal_steps(
     let gain = 2f64.powi(order);
     let mut coarse: Option<Samples> = None;
     let mut coarse_error = f64::INFINITY;
-    let mut was_regular = false;
+    let mut last_falls = f64::NAN;
     let mut of_step = |n: u64| (budget.of_step)(method, duration / n as f64);
     let mut n = first_run(trials.fewest_steps, budget.all, &mut of_step);
     let (mut spent, mut failures) = (0.0, 0);
@@ -155,7 +160,8 @@ pub(crate) fn equal_steps(
         let falls = coarse_error / error;
         let trusted = error.max(coarse_error / (gain * REGULAR));
         // No two runs show what both leave out.
-        let left_out = fine.as_ref().map_or(0.0, |fine| fine.left_out);
+        let known = fine.as_ref().and_then(|fine| fine.left_out);
+        let left_out = known.unwrap_or(0.0);
         let allowed = tolerance / MARGIN - left_out;
         // Not a number, too, is too large.
         if trusted <= allowed {
@@ -166,16 +172,24 @@ pub(crate) fn equal_steps(
         if error.is_finite() && least * (budget.of_step)(method, duration / least) > budget.of_run {
             return Ok(None);
         }
-        let is_regular = (gain / REGULAR..gain * REGULAR).contains(&falls);
+        let is_regular = |within: f64| {
+            let expected = gain / within..gain * within;
+            expected.contains(&falls) && expected.contains(&last_falls)
+        };
         let needed = n as f64 * (error / allowed).powf(1.0 / f64::from(order));
+        let further = if known.is_some() && is_regular(VERY_REGULAR) {
+            FAR_TRUSTED
+        } else {
+            TRUSTED
+        };
         // Not a number where less is allowed than nothing.
-        if is_regular && was_regular && needed <= TRUSTED * n as f64 {
+        if is_regular(REGULAR) && needed <= further * n as f64 {
             return Ok(Some(EqualSteps {
                 n: needed.ceil() as u64,
                 error: tolerance / MARGIN,
             }));
         }
-        (coarse, coarse_error, was_regular) = (fine, error, is_regular);
+        (coarse, coarse_error, last_falls) = (fine, error, falls);
         n *= 2;
     }
 }
@@ -201,8 +215,8 @@ const MOST_DOUBLINGS: u32 = 13;
 struct Samples {
     /// Positions of the free blocks, in m, at equally spaced times.
     positions: Vec<Vec<Vector3<f64>>>,
-    /// Of vibrations, in m, at most at these times.
-    left_out: f64,
+    /// Of vibrations, in m, at most at these times, if it is known.
+    left_out: Option<f64>,
 }
 
 /// What comes of `n` equal steps; `None` if a step fails.
@@ -235,7 +249,10 @@ fn run(
             let Ok(left_out) = method.left_out(system, &mut trials.work) else {
                 return Ok(None);
             };
-            samples.left_out = samples.left_out.max(left_out);
+            samples.left_out = match (samples.left_out, left_out) {
+                (Some(most), Some(left_out)) => Some(most.max(left_out)),
+                (_, left_out) => left_out,
+            };
         }
     }
     Ok(Some(samples))

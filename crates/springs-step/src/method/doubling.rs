@@ -118,6 +118,10 @@ impl Method for Doubling {
         Some(self.weighing.second_estimate(&mut *self.method, at, work))
     }
 
+    fn least_estimate(&self) -> Option<ErrorEstimate> {
+        Some(self.weighing.least_estimate())
+    }
+
     fn archive(&mut self, archive: &mut Archive) {
         self.method.archive(archive);
         archive.flag(&mut self.is_fresh);

@@ -295,9 +295,9 @@ impl Method for FilteredLeapfrog {
     /// stiff; at the limit of long steps its velocities are up to 0.12 hδ, and 0.25 hδ
     /// where Δa is not at its largest. Its positions are that over ω, with
     /// δ/(1 + αh²ω²) = (M + αh²S)⁻¹M δ at each node.
-    fn left_out(&mut self, system: &System, work: &mut Work) -> Result<f64, MethodError> {
+    fn left_out(&mut self, system: &System, work: &mut Work) -> Result<Option<f64>, MethodError> {
         if !self.is_for_tolerance {
-            return Ok(0.0);
+            return Ok(None);
         }
         let linear = match &mut self.stiff {
             None => &mut self.linear,
@@ -321,7 +321,8 @@ impl Method for FilteredLeapfrog {
         let squares = stiff.iter().zip(&self.rest);
         let square = squares.fold(0.0, |most: f64, (a, b)| most.max(a.norm() * b.norm()));
         let h = self.filtered_for;
-        Ok((0.25 * h * h * (ALPHA * square).sqrt()).max(self.left_out_at_start))
+        let left_out = 0.25 * h * h * (ALPHA * square).sqrt();
+        Ok(Some(left_out.max(self.left_out_at_start)))
     }
 
     fn step(

@@ -105,13 +105,13 @@ pub trait Method: Send {
 
     /// How large vibrations are, in m, that positions do not show, because they were left out at
     /// the start or steps do not resolve them: about, and not less. Asked after a step
-    /// that was accepted.
+    /// that was accepted. `None` where the method does not know.
     ///
     /// # Errors
     ///
     /// If a system of equations cannot be solved.
-    fn left_out(&mut self, _system: &System, _work: &mut Work) -> Result<f64, MethodError> {
-        Ok(0.0)
+    fn left_out(&mut self, _system: &System, _work: &mut Work) -> Result<Option<f64>, MethodError> {
+        Ok(None)
     }
 
     /// Whom to hear during a step that may take long: asked to stop, it ends soon
@@ -176,6 +176,12 @@ pub trait Method: Send {
         _state: &State,
         _work: &mut Work,
     ) -> Option<ErrorEstimate> {
+        None
+    }
+
+    /// What [`Self::second_estimate`] of the last step will not be below; `None` if that is
+    /// not known.
+    fn least_estimate(&self) -> Option<ErrorEstimate> {
         None
     }
 

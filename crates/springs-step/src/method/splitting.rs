@@ -402,6 +402,10 @@ impl Method for Splitting {
         Some(estimate)
     }
 
+    fn least_estimate(&self) -> Option<ErrorEstimate> {
+        self.weighing.as_ref().map(Weighing::least_estimate)
+    }
+
     fn archive(&mut self, archive: &mut Archive) {
         archive.flag(&mut self.accelerations_are_known);
         archive.vectors(&mut self.last_accelerations);

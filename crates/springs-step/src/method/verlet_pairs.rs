@@ -101,6 +101,10 @@ impl Method for VerletPairs {
         Some(self.weighing.second_estimate(&mut self.verlet, at, work))
     }
 
+    fn least_estimate(&self) -> Option<ErrorEstimate> {
+        Some(self.weighing.least_estimate())
+    }
+
     fn archive(&mut self, archive: &mut Archive) {
         self.verlet.archive(archive);
         archive.flag(&mut self.is_fresh);

@@ -112,7 +112,12 @@ impl Weighing {
         self.told(error)
     }
 
-    /// The same with w of the documentation of the type, by the matrix of `method` if
+    /// The part ‖e_x‖, which no second estimate is below.
+    pub(crate) fn least_estimate(&self) -> ErrorEstimate {
+        self.told(largest(&self.errors_of_positions).1)
+    }
+
+    /// [`Self::estimate`] with w of the documentation of the type, by the matrix of `method` if
     /// it has one.
     pub(crate) fn second_estimate(
         &mut self,

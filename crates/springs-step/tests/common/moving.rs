@@ -60,7 +60,7 @@ fn swinging(mut scene: Scene, duration: f64) -> Scene {
 }
 
 /// A block that is thrown sideways off the ground, turning.
-fn thrown(stiffness: f64) -> Scene {
+pub fn thrown(stiffness: f64) -> Scene {
     let mut scene = block(4, of(stiffness, Material::of_block()));
     scene.name = format!("thrown block 4, K = {stiffness:e}");
     for node in &mut scene.nodes {

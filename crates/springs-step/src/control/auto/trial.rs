@@ -1,9 +1,9 @@
 //! Trying a candidate out.
 
 use super::{Auto, SHARE};
-use crate::control::controller::Controller;
+use crate::control::controller::{Controller, MOST_SUITABLE};
 use crate::control::trials::{Abandoned, Trials};
-use crate::{Anchors, Interval, State, Work};
+use crate::{Anchors, ErrorEstimate, Interval, State, Work};
 use springs_assembly::System;
 
 /// Attempts that a trial takes at most, and usually.
@@ -28,6 +28,8 @@ pub(super) struct Trial {
     /// Cost of a step over its size, in ns/s.
     pub(super) price: f64,
     pub(super) step_size: f64,
+    /// The price that the first attempt told.
+    pub(super) first_price: f64,
 }
 
 impl Auto {
@@ -82,10 +84,10 @@ impl Auto {
         &mut self,
         task: Task<'_>,
         index: usize,
-        from: Option<f64>,
+        (from, to_beat): (Option<f64>, f64),
         trials: &mut Trials<'_>,
     ) -> Result<(Trial, f64), Abandoned> {
-        let (first, cost) = self.try_out(task, index, from, trials)?;
+        let (first, cost) = self.try_out(task, index, (from, to_beat), trials)?;
         if self.candidates[index].is_explicit() || !first.price.is_finite() {
             return Ok((first, cost));
         }
@@ -95,8 +97,8 @@ impl Auto {
             state: &moving,
             ..task
         };
-        let h = Some(first.step_size);
-        let (second, more) = self.try_out(from_there, index, h, trials)?;
+        let from = (Some(first.step_size), to_beat);
+        let (second, more) = self.try_out(from_there, index, from, trials)?;
         Ok(if second.price > first.price {
             (second, cost + more)
         } else {
@@ -105,7 +107,8 @@ impl Auto {
     }
 
     /// Finds the step size that suits a candidate, beginning with `h`; also
-    /// returns what that cost.
+    /// returns what that cost. Sharper estimates are made only for sizes that may cost less than
+    /// `to_beat`, in ns/s, if the error is small enough.
     pub(super) fn try_out(
         &mut self,
         Task {
@@ -114,7 +117,7 @@ impl Auto {
             controller,
         }: Task<'_>,
         index: usize,
-        h: Option<f64>,
+        (h, to_beat): (Option<f64>, f64),
         trials: &mut Trials<'_>,
     ) -> Result<(Trial, f64), Abandoned> {
         let longest = self.longest_step(system, index, controller.left());
@@ -125,8 +128,9 @@ impl Auto {
         let mut trial = Trial {
             price: f64::INFINITY,
             step_size: h,
+            first_price: f64::INFINITY,
         };
-        for _ in 0..MOST_ATTEMPTS {
+        for attempt in 0..MOST_ATTEMPTS {
             self.tried.copy_from(state);
             method.restart();
             let interval = Interval {
@@ -139,31 +143,45 @@ impl Auto {
                 .step(system, anchors, interval, &mut self.tried, &mut work)
                 .ok()
                 .flatten();
+            // The attempt itself is not counted: nothing stands.
+            let step =
+                self.costs.of_counts(&work.counts, candidate.evaluation) + self.costs.attempt();
+            let suitable = |estimate| controller.suitable(h, estimate).min(longest);
+            let is_too_dear = |least: &ErrorEstimate| {
+                let most = suitable(*least);
+                most < MOST_SUITABLE * h && step / most > to_beat
+            };
             let mut of_estimate = Work::default();
             let estimate = estimate.map(|first| {
-                if controller.is_clear(first) {
-                    None
-                } else {
-                    method.second_estimate(system, &self.tried, &mut of_estimate)
+                let least = method.least_estimate().filter(is_too_dear);
+                match least {
+                    // A sharper one would not help.
+                    Some(least) => least,
+                    None if controller.is_clear(first) => first,
+                    None => {
+                        let second = method.second_estimate(system, &self.tried, &mut of_estimate);
+                        second.unwrap_or(first)
+                    }
                 }
-                .unwrap_or(first)
             });
             trials.work += work;
             trials.work += of_estimate;
             trials.step()?;
-            // The attempt itself is not counted: nothing stands.
-            let [step, of_estimate] = [work, of_estimate]
-                .map(|work| self.costs.of_counts(&work.counts, candidate.evaluation));
-            let step = step + self.costs.attempt();
+            let of_estimate = self
+                .costs
+                .of_counts(&of_estimate.counts, candidate.evaluation);
             total += step + of_estimate;
             let cost = step + SHARE_OF_ESTIMATES * of_estimate;
-            let suits = match estimate {
-                Some(estimate) => controller.suitable(h, estimate).min(longest),
-                None => 0.1 * h,
-            };
+            let suits = estimate.map_or(0.1 * h, suitable);
+            let price = cost / suits;
             trial = Trial {
-                price: cost / suits,
+                price,
                 step_size: suits,
+                first_price: if attempt == 0 {
+                    price
+                } else {
+                    trial.first_price
+                },
             };
             if (0.6..1.7).contains(&(suits / h)) {
                 break;
