@@ -4,6 +4,7 @@ use crate::drag::Drag;
 use crate::elements::{Element, PointMasses, SpringMasses};
 use crate::gravity::Gravity;
 use crate::laws::{fading, springs_that_break, springs_with_laws};
+use crate::rows::sorted_by_rows;
 use crate::springs::Merged;
 use crate::system::Couplings;
 use crate::{
@@ -220,7 +221,7 @@ fn dashpots_of(scene: &Scene, (is_complete, may_change): (bool, bool)) -> Dashpo
 /// The first spring of those between the same nodes and with the same `trait_of`,
 /// for each spring; only among springs that have one, and itself where nothing is
 /// to be left out.
-fn firsts_of_pairs<T: Ord>(
+fn firsts_of_pairs<T: Ord + Copy>(
     scene: &Scene,
     is_complete: bool,
     trait_of: impl Fn(usize, &Spring) -> Option<T>,
@@ -230,13 +231,13 @@ fn firsts_of_pairs<T: Ord>(
         return firsts;
     }
     let springs = scene.springs.iter().enumerate();
-    let mut by_pair: Vec<([usize; 2], T, usize)> = springs
+    let by_pair: Vec<([usize; 2], T, usize)> = springs
         .filter_map(|(index, spring)| {
             let [a, b] = spring.nodes;
             Some(([a.min(b), a.max(b)], trait_of(index, spring)?, index))
         })
         .collect();
-    by_pair.sort_unstable();
+    let by_pair = sorted_by_rows(&by_pair, scene.nodes.len(), |(pair, ..)| pair[0]);
     for same in by_pair.chunk_by(|a, b| (a.0, &a.1) == (b.0, &b.1)) {
         for &(_, _, index) in same {
             firsts[index] = same[0].2;

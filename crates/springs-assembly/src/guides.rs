@@ -21,6 +21,9 @@ pub(crate) struct Guides {
 
 impl Guides {
     pub(crate) fn new(scene: &Scene, numbering: &Numbering, pattern: &BlockPattern) -> Self {
+        if scene.nodes.iter().all(|node| node.guide.is_none()) {
+            return Self::default();
+        }
         let mut of_block = vec![None; numbering.n_free()];
         for (block, projection) in of_block.iter_mut().enumerate() {
             let guide = scene.nodes[numbering.node(block)].guide;

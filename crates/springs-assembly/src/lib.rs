@@ -48,6 +48,7 @@ mod loads;
 mod matrix;
 mod motion;
 mod prescribed;
+mod rows;
 mod run;
 mod segments;
 mod springs;

@@ -1,5 +1,6 @@
 //! The sparse triplet system: symmetric 3 × 3 blocks on a pattern fixed once.
 
+use crate::rows::sorted_by_rows;
 use nalgebra::{Matrix3, Vector3};
 use std::sync::Arc;
 
@@ -20,12 +21,12 @@ impl BlockPattern {
     ///
     /// Orientation does not matter, duplicates share a pair.
     pub(crate) fn from_triplets(n_blocks: usize, triplets: &[[u32; 2]]) -> (Self, Vec<u32>) {
-        let mut order: Vec<([u32; 2], u32)> = triplets
+        let order: Vec<([u32; 2], u32)> = triplets
             .iter()
             .zip(0..)
             .map(|(&[a, b], index)| ([a.min(b), a.max(b)], index))
             .collect();
-        order.sort_unstable();
+        let order = sorted_by_rows(&order, n_blocks, |(pair, _)| pair[0] as usize);
         let mut pairs: Vec<[u32; 2]> = Vec::new();
         let mut pair_of_triplet = vec![0; triplets.len()];
         for (pair, index) in order {
