@@ -1,6 +1,6 @@
 //! What springs make of errors of velocities.
 
-use crate::vectors::largest;
+use crate::vectors::largest_magnitude;
 use crate::work::timed;
 use crate::{Method, State, Work};
 use nalgebra::Vector3;
@@ -55,7 +55,7 @@ impl Response {
         work: &mut Work,
     ) -> (f64, u32) {
         let masses = system.masses();
-        let mut bound = largest(errors).1;
+        let mut bound = largest_magnitude(errors);
         let mut remaining = product(masses, errors, errors);
         if masses.contains(&0.0) || remaining == 0.0 {
             return (bound, 0);
@@ -85,7 +85,10 @@ impl Response {
                 self.y[block] += self.direction[block] * length;
                 self.residual[block] -= self.product[block] * (length / mass);
             }
-            let (found, missing) = (largest(&self.y).1, largest(&self.residual).1);
+            let (found, missing) = (
+                largest_magnitude(&self.y),
+                largest_magnitude(&self.residual),
+            );
             bound = bound.min(found + missing);
             if missing <= ACCURACY * found {
                 break;
@@ -130,7 +133,7 @@ mod tests {
             for angle in [0.1, 1.0, 10.0, 100.0] {
                 let time = angle / system.frequency_bound();
                 let y = response.by_matrix(&mut method, at, time, &errors, work);
-                let exact = largest(y.unwrap()).1;
+                let exact = largest_magnitude(y.unwrap());
                 let (bound, _) = response.bound(at, time, &errors, work);
                 let what = format!("{waves}, {angle}: {bound} for {exact}");
                 // Iterations are given up before long times are met exactly.

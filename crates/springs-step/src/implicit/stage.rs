@@ -3,7 +3,7 @@
 use crate::implicit::corrections::{Chord, Goal, Progress, SLOW};
 use crate::implicit::linear::{Damping, LinearSystem, Linearized, OnDemand, Purpose};
 use crate::implicit::solver_options::Hessian;
-use crate::vectors::{largest, momenta_of, spread};
+use crate::vectors::{largest, largest_magnitude, momenta_of, spread};
 use crate::{Archive, MethodError, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::{Evaluation, Projection, System, Weights};
@@ -472,7 +472,7 @@ impl Stage {
         system.forces(time, &state.x, &state.v, &mut momenta);
         work.counts.force_evaluations += 1;
         let forces = massless.iter().map(|&block| momenta[block].amax());
-        if forces.fold(0.0, f64::max) <= BALANCED * largest(&momenta).1 {
+        if forces.fold(0.0, f64::max) <= BALANCED * largest_magnitude(&momenta) {
             return Ok(());
         }
         momenta_of(system, &state.v, &mut momenta);
@@ -515,7 +515,7 @@ impl Stage {
     }
 
     fn delta_size(&self, system: &System) -> f64 {
-        largest(&self.delta[..system.n_free()]).1
+        largest_magnitude(&self.delta[..system.n_free()])
     }
 
     /// What is asked of the corrections of a stage that has come to `state`.
@@ -532,7 +532,7 @@ impl Stage {
     /// same in every frame of reference.
     fn rounding(&self, system: &System, problem: &StageProblem<'_>, state: &State) -> f64 {
         let free = &state.v[..system.n_free()];
-        let of_velocities = WANTED * spread(&state.v) + ULPS * largest(free).1;
+        let of_velocities = WANTED * spread(&state.v) + ULPS * largest_magnitude(free);
         let c = problem.c;
         let fastest = system.frequency_bound();
         let rate = (c * fastest * fastest).min(1.0 / c);

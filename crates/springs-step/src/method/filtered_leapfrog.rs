@@ -6,7 +6,7 @@ use crate::implicit::solver_options::Hessian;
 use crate::implicit::stage::Stage;
 use crate::method::across::Across;
 use crate::method::stiff_springs::{StiffSprings, stiff_springs};
-use crate::vectors::largest;
+use crate::vectors::largest_magnitude;
 use crate::{Anchors, Archive, ErrorEstimate, Flows, Interval, Method, MethodError, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::{Evaluation, System, Weights};
@@ -235,7 +235,7 @@ impl FilteredLeapfrog {
             self.rest
                 .extend(forces.iter().zip(held).map(|(f, (a, m))| f - a * *m));
             linear.solve(&mut self.rest, Purpose::Estimate, work)?;
-            self.left_out_at_start = filter * largest(&self.rest).1;
+            self.left_out_at_start = filter * largest_magnitude(&self.rest);
         }
         // What the filter leaves of the tension.
         let (x, a) = (&state.x, &self.next_accelerations);

@@ -4,7 +4,7 @@ use crate::flows::Impulses;
 use crate::implicit::linear::Damping;
 use crate::implicit::stage::{Stage, StageProblem};
 use crate::implicit::tensions::Tensions;
-use crate::vectors::largest;
+use crate::vectors::{largest, largest_magnitude};
 use crate::{Anchors, Archive, ErrorEstimate, Flows, Interval, Method, MethodError, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::System;
@@ -311,8 +311,8 @@ impl TrBdf2 {
             if !stage.damp_vibrations(system, state, damping(tau, 2), all, work) {
                 return None;
             }
-            positions = largest(of_positions).1;
-            velocities = largest(of_velocities).1;
+            positions = largest_magnitude(of_positions);
+            velocities = largest_magnitude(of_velocities);
         }
         let (block, moved) = largest(moved);
         let part = |left: f64, whole: f64| if whole > 0.0 { left / whole } else { 0.0 };
@@ -479,7 +479,7 @@ impl Method for TrBdf2 {
             step_size: h,
             left: (goal.duration - interval.start).clamp(h, LONGEST_TIME * h),
             positions,
-            velocities: largest(&self.errors).1,
+            velocities: largest_magnitude(&self.errors),
             block,
         };
         Ok(Some(ErrorEstimate {

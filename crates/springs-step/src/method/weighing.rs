@@ -2,7 +2,7 @@
 
 use crate::implicit::response::Response;
 use crate::method::time_scale;
-use crate::vectors::{largest, largest_change, largest_sum, spread};
+use crate::vectors::{largest_change, largest_magnitude, largest_sum, spread};
 use crate::{Archive, ErrorEstimate, Method, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::System;
@@ -43,8 +43,9 @@ pub(crate) struct Weighing {
 struct Stiffness {
     /// Ω, in rad/s.
     frequency: f64,
-    /// ‖e_v‖ at that time, in m/s.
-    error: f64,
+    /// ‖e_v‖ at that time, in m/s, and over the power of the step size that it is in proportion
+    /// to.
+    errors: [f64; 2],
     /// Estimates until it is found out anew, and when that was last done.
     pause: u32,
     last_pause: u32,
@@ -59,8 +60,8 @@ const ESTIMATES_PER_ITERATION: u32 = 8;
 const LONGEST_PAUSE: u32 = 256;
 /// It is the same within this factor.
 const SAME: f64 = 1.5;
-/// It is found out anew when errors have grown so many times: they may be other
-/// ones.
+/// It is found out anew when errors have grown so many times, and not as they do with steps:
+/// they may be other ones.
 const GROWN: f64 = 2.0;
 
 /// Which part of the difference between two halves of a step and the whole is the error of
@@ -114,7 +115,7 @@ impl Weighing {
 
     /// The part ‖e_x‖, which no second estimate is below.
     pub(crate) fn least_estimate(&self) -> ErrorEstimate {
-        self.told(largest(&self.errors_of_positions).1)
+        self.told(largest_magnitude(&self.errors_of_positions))
     }
 
     /// [`Self::estimate`] with w of the documentation of the type, by the matrix of `method` if
@@ -129,9 +130,9 @@ impl Weighing {
         if let Some(damped) = self.response.by_matrix(method, at, h, errors, work) {
             std::mem::swap(damped, errors);
         }
-        let error = largest(&self.errors).1;
+        let error = largest_magnitude(&self.errors);
         let time = self.time_of_errors(method, at, error, work);
-        self.told(largest(&self.errors_of_positions).1 + time * error)
+        self.told(largest_magnitude(&self.errors_of_positions) + time * error)
     }
 
     fn told(&self, error: f64) -> ErrorEstimate {
@@ -151,12 +152,15 @@ impl Weighing {
         work: &mut Work,
     ) -> f64 {
         let (time, last) = (self.time_scale, &mut self.stiffness);
+        let errors = [1.0, self.step_size.powi(self.order as i32 + 1)].map(|power| error / power);
         last.pause = last.pause.saturating_sub(1);
-        if error > 0.0 && (last.pause == 0 || error > GROWN * last.error) {
-            let (response, errors) = (&mut self.response, &self.errors);
-            let (left, n_iterations) = match response.by_matrix(method, at, time, errors, work) {
-                Some(left) => (largest(left).1, 0),
-                None => response.bound(at, time, errors, work),
+        let mut both = errors.iter().zip(&last.errors);
+        let have_grown = both.all(|(now, last)| *now > GROWN * last);
+        if error > 0.0 && (last.pause == 0 || have_grown) {
+            let (response, e_v) = (&mut self.response, &self.errors);
+            let (left, n_iterations) = match response.by_matrix(method, at, time, e_v, work) {
+                Some(left) => (largest_magnitude(left), 0),
+                None => response.bound(at, time, e_v, work),
             };
             let frequency = (error / left - 1.0).max(0.0).sqrt() / time;
             let is_same = (frequency / SAME..=frequency * SAME).contains(&last.frequency);
@@ -167,7 +171,7 @@ impl Weighing {
             };
             *last = Stiffness {
                 frequency,
-                error,
+                errors,
                 pause,
                 last_pause: pause,
             };
@@ -177,7 +181,9 @@ impl Weighing {
 
     pub(crate) fn archive(&mut self, archive: &mut Archive) {
         archive.real(&mut self.stiffness.frequency);
-        archive.real(&mut self.stiffness.error);
+        for error in &mut self.stiffness.errors {
+            archive.real(error);
+        }
         archive.count(&mut self.stiffness.pause);
         archive.count(&mut self.stiffness.last_pause);
     }
