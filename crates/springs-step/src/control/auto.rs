@@ -76,8 +76,9 @@ pub(crate) struct Picked {
 
 /// Trying a candidate may cost this part of what is left to do.
 const SHARE: f64 = 0.1;
-/// Trial runs with equal steps may cost this part of the whole run; they have at
-/// least so many steps, and if they are begun may have so many.
+/// Trial runs with equal steps may cost this part of the whole run. Three of them, which
+/// have to agree, have so many steps; beside an implicit method, which is not sure of its
+/// price, they may have so many where two of them cost no more than that part.
 const TRIAL_RUNS: f64 = 0.5;
 const FEWEST_TRIAL_STEPS: f64 = 24.0;
 const USUAL_TRIAL_STEPS: f64 = 56.0;
@@ -280,9 +281,14 @@ impl Auto {
         let is_far = is_explicit && !has_few_stiff && with_matrix > FAR * self.price;
         let part = if is_far { SHARE } else { TRIAL_RUNS };
         let budget = part * from_rest * to_beat;
+        let fewest = if is_explicit {
+            USUAL_TRIAL_STEPS
+        } else {
+            FEWEST_TRIAL_STEPS
+        };
         let is_too_dear = |costs: &CostModel| {
             let usual = costs.step_with_matrix() + costs.attempt();
-            costs.analysis + FEWEST_TRIAL_STEPS * usual > budget && !has_few_stiff
+            costs.analysis + fewest * usual > budget && !has_few_stiff
         };
         // What cannot be built is no choice. Without fill it would cost at least as much.
         if is_too_dear(&self.costs)
@@ -305,6 +311,12 @@ impl Auto {
             Some(price) => costs.step_with_price(price) + costs.attempt(),
             None => usual,
         };
+        // Where the matrix may have few terms, counts do not say how few.
+        let is_counted = is_explicit && !has_few_stiff;
+        let of_counts = |counts: &Counts| {
+            let cost = costs.of_run(choice.method, counts);
+            cost.filter(|_| is_counted).unwrap_or(0.0)
+        };
         let affordable = if is_explicit {
             budget
         } else {
@@ -317,6 +329,7 @@ impl Auto {
                 all: affordable,
                 of_run: from_rest * to_beat,
                 of_step: &of_step,
+                of_counts: &of_counts,
             },
         );
         let steps = equal_steps((system, anchors), &mut *method, task, budget, trials)?;
@@ -385,14 +398,12 @@ impl Auto {
         Ok((self.hand_over(best, reason), with_matrix))
     }
 
-    /// The price of a candidate that was tried, in ns/s; infinite without a matrix. That of
-    /// the first attempt: where steps have become so short that they resolve vibrations which
-    /// longer ones leave behind, later prices say nothing of methods that leave them out.
+    /// The price of a candidate that was tried, in ns/s; infinite without a matrix.
     fn price_with_matrix(&self, index: usize, tried: &Trial) -> f64 {
         if self.candidates[index].is_explicit() {
             f64::INFINITY
         } else {
-            tried.first_price
+            tried.price
         }
     }
 

@@ -185,6 +185,7 @@ pub(crate) fn settle_equal_steps(
         all: MOST_TRIAL_STEPS * of_whole,
         of_run: f64::INFINITY,
         of_step: &of_step,
+        of_counts: &|_| 0.0,
     };
     let steps = equal_steps(compiled, method, task, budget, trials)?;
     method.restart();

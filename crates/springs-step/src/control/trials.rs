@@ -1,6 +1,6 @@
 //! Trial runs: attempts before the first step, to find out how to step.
 
-use crate::{Anchors, Interval, Method, State, StepPlan, Work};
+use crate::{Anchors, Counts, Interval, Method, State, StepPlan, Work};
 use nalgebra::Vector3;
 use springs_assembly::System;
 use springs_solver::Interrupt;
@@ -108,6 +108,8 @@ pub(crate) struct Budget<'a> {
     pub(crate) of_run: f64,
     /// What a step of some size in s costs.
     pub(crate) of_step: &'a dyn Fn(&mut dyn Method, f64) -> f64,
+    /// What work that was counted cost, or less: steps may cost more than they seem to.
+    pub(crate) of_counts: &'a dyn Fn(&Counts) -> f64,
 }
 
 /// Finds the number of equal steps from whole runs with 8, 16, 32, … of them,
@@ -141,12 +143,18 @@ pub(crate) fn equal_steps(
     let mut of_step = |n: u64| (budget.of_step)(method, duration / n as f64);
     let mut n = first_run(trials.fewest_steps, budget.all, &mut of_step);
     let (mut spent, mut failures) = (0.0, 0);
+    let before = trials.work.counts;
+    let is_spent = |work: &Work| (budget.of_counts)(&(work.counts - before)) > budget.all;
     loop {
         spent += n as f64 * (budget.of_step)(method, duration / n as f64);
         if spent > budget.all || failures == MOST_FAILURES {
             return Ok(None);
         }
-        let fine = run((system, anchors), method, duration, n, trials)?;
+        let compiled = (system, anchors);
+        let fine = run(compiled, method, (duration, n), &is_spent, trials)?;
+        if is_spent(&trials.work) {
+            return Ok(None);
+        }
         let is_sound = |fine: &Samples| f64::EPSILON * farthest(fine) <= tolerance;
         failures = if fine.as_ref().is_some_and(is_sound) {
             0
@@ -219,12 +227,12 @@ struct Samples {
     left_out: Option<f64>,
 }
 
-/// What comes of `n` equal steps; `None` if a step fails.
+/// What comes of `n` equal steps; `None` if a step fails or the budget is spent.
 fn run(
     (system, anchors): (&System, &Anchors),
     method: &mut dyn Method,
-    duration: f64,
-    n: u64,
+    (duration, n): (f64, u64),
+    is_spent: &dyn Fn(&Work) -> bool,
     trials: &mut Trials<'_>,
 ) -> Result<Option<Samples>, Abandoned> {
     let plan = StepPlan::equal(duration, n);
@@ -239,7 +247,7 @@ fn run(
         };
         let made = method.step(system, anchors, interval, &mut state, &mut trials.work);
         trials.step()?;
-        if made.is_err() {
+        if made.is_err() || is_spent(&trials.work) {
             return Ok(None);
         }
         method.accept();

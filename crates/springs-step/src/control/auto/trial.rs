@@ -28,8 +28,6 @@ pub(super) struct Trial {
     /// Cost of a step over its size, in ns/s.
     pub(super) price: f64,
     pub(super) step_size: f64,
-    /// The price that the first attempt told.
-    pub(super) first_price: f64,
 }
 
 impl Auto {
@@ -128,9 +126,8 @@ impl Auto {
         let mut trial = Trial {
             price: f64::INFINITY,
             step_size: h,
-            first_price: f64::INFINITY,
         };
-        for attempt in 0..MOST_ATTEMPTS {
+        for _ in 0..MOST_ATTEMPTS {
             self.tried.copy_from(state);
             method.restart();
             let interval = Interval {
@@ -173,15 +170,9 @@ impl Auto {
             total += step + of_estimate;
             let cost = step + SHARE_OF_ESTIMATES * of_estimate;
             let suits = estimate.map_or(0.1 * h, suitable);
-            let price = cost / suits;
             trial = Trial {
-                price,
+                price: cost / suits,
                 step_size: suits,
-                first_price: if attempt == 0 {
-                    price
-                } else {
-                    trial.first_price
-                },
             };
             if (0.6..1.7).contains(&(suits / h)) {
                 break;
