@@ -68,6 +68,7 @@ impl Method for VerletPairs {
         // The first half of a rejected pair was accepted.
         if !self.is_fresh {
             self.verlet.go_back();
+            self.is_fresh = true;
         }
         self.verlet.step(system, anchors, first, state, work)?;
         self.flows.copy_from(self.verlet.last_flows());

@@ -188,3 +188,54 @@ impl Weighing {
         archive.count(&mut self.stiffness.last_pause);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Anchors, Doubling, ImplicitMidpoint, Interval, Splitting, VerletPairs};
+    use springs_assembly::compile;
+    use springs_scene::RunOptions;
+    use springs_scene::generate::{Material, cloth};
+
+    /// From steps that resolve all vibrations to the longest, and with errors that have grown
+    /// since stiffness was last found out and that have not.
+    #[test]
+    fn sharp_estimates_are_between_the_least_and_twice_the_first() {
+        let mut scene = cloth(5, Material::of_cloth());
+        for (index, node) in scene.nodes.iter_mut().enumerate() {
+            let phase = 1.3 * index as f64;
+            node.velocity = Vector3::new(phase.sin(), phase.cos(), (2.0 * phase).sin()) * 0.3;
+        }
+        let system = compile(&scene).unwrap();
+        let midpoint = ImplicitMidpoint::new(&system, &RunOptions::default()).unwrap();
+        let mut methods: [Box<dyn Method>; 4] = [
+            Box::new(VerletPairs::new(&system)),
+            Box::new(Splitting::blanes_moan_4(&system)),
+            Box::new(Splitting::blanes_moan_6(&system)),
+            Box::new(Doubling::new(&system, Box::new(midpoint))),
+        ];
+        let work = &mut Work::default();
+        for (which, method) in methods.iter_mut().enumerate() {
+            method.expect_changing_steps(&system).unwrap();
+            for angle in [0.01, 0.1, 1.0, 1.9, 0.1] {
+                let mut state = State::initial(&system);
+                let anchors = Anchors::new(&system, &state);
+                let size = angle / system.frequency_bound();
+                let interval = Interval {
+                    start: 0.0,
+                    end: size,
+                    size,
+                };
+                let first = method.step(&system, &anchors, interval, &mut state, work);
+                let first = first.unwrap().unwrap().rate;
+                let least = method.least_estimate().unwrap().rate;
+                let second = method.second_estimate(&system, &state, work).unwrap().rate;
+                // The largest errors of positions and of velocities may be at two nodes.
+                assert!(
+                    least > 0.0 && least <= second && second <= 2.0 * first,
+                    "{which}, {angle}: {least:e} {second:e} {first:e}"
+                );
+            }
+        }
+    }
+}
