@@ -3,6 +3,7 @@
 use crate::run::{LANES, Run};
 use nalgebra::Vector3;
 use pulp::Simd;
+use springs_math::SAFE_SQUARES;
 use std::ops::Range;
 
 /// The slots of each run within those of all.
@@ -59,6 +60,45 @@ pub(crate) fn dots(a: &Ends, b: &Ends) -> Lanes {
         dots[c] = a[3 * c] * b[3 * c] + a[3 * c + 1] * b[3 * c + 1] + a[3 * c + 2] * b[3 * c + 2];
     }
     dots
+}
+
+/// Whether lengths may be taken from their squares and what was made of them is finite.
+pub(crate) struct Safety<S: Simd> {
+    simd: S,
+    least: S::f64s,
+    most: S::f64s,
+    /// Zero, unless something is infinite or not a number.
+    odd: S::f64s,
+}
+
+impl<S: Simd> Safety<S> {
+    #[inline(always)]
+    pub(crate) fn new(simd: S) -> Self {
+        let one = simd.splat_f64s(1.0);
+        Self {
+            simd,
+            least: one,
+            most: one,
+            odd: simd.splat_f64s(0.0),
+        }
+    }
+
+    /// Takes note of squares of lengths and of results.
+    #[inline(always)]
+    pub(crate) fn note(&mut self, squares: S::f64s, results: S::f64s) {
+        let simd = self.simd;
+        self.least = simd.min_f64s(self.least, squares);
+        self.most = simd.max_f64s(self.most, squares);
+        self.odd = simd.add_f64s(self.odd, simd.sub_f64s(results, results));
+    }
+
+    #[inline(always)]
+    pub(crate) fn is_given(&self) -> bool {
+        let simd = self.simd;
+        simd.reduce_min_f64s(self.least) >= *SAFE_SQUARES.start()
+            && simd.reduce_max_f64s(self.most) <= *SAFE_SQUARES.end()
+            && simd.reduce_sum_f64s(self.odd) == 0.0
+    }
 }
 
 pub(crate) fn vector_at(vectors: &Ends, place: usize) -> Vector3<f64> {

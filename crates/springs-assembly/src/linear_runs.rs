@@ -4,14 +4,14 @@ mod linearization;
 
 use crate::Projection;
 use crate::lanes::{
-    Ends, Lanes, add_to_ends, differences, dots, lanes_at, set_vector_at, slots, vector_at,
+    Ends, Lanes, Safety, add_to_ends, differences, dots, lanes_at, set_vector_at, slots, vector_at,
 };
 use crate::matrix::times;
 use crate::run::{LANES, Run};
 use nalgebra::Vector3;
 use pulp::{Arch, Simd, WithSimd};
+use springs_math::Separation;
 use springs_math::spring::{self, LengthLaw, Spring};
-use springs_math::{SAFE_SQUARES, Separation};
 
 /// The numbers of linear springs along runs, slot by slot; zero where a slot has no
 /// spring.
@@ -242,8 +242,7 @@ fn divide<S: Simd>(
     per_lengths: &mut Lanes,
     mut inverses: Option<&mut Lanes>,
 ) -> bool {
-    let one = simd.splat_f64s(1.0);
-    let (mut least, mut most, mut odd) = (one, one, simd.splat_f64s(0.0));
+    let (one, mut safety) = (simd.splat_f64s(1.0), Safety::new(simd));
     let (squares, _) = S::as_simd_f64s(squares);
     let (stiffnesses, _) = S::as_simd_f64s(stiffnesses);
     let (rest_lengths, _) = S::as_simd_f64s(rest_lengths);
@@ -263,14 +262,9 @@ fn divide<S: Simd>(
                 simd.mul_f64s(tension, inverses[lane])
             }
         };
-        least = simd.min_f64s(least, square);
-        most = simd.max_f64s(most, square);
-        // Zero, unless it is infinite or not a number.
-        odd = simd.add_f64s(odd, simd.sub_f64s(*per_length, *per_length));
+        safety.note(square, *per_length);
     }
-    simd.reduce_min_f64s(least) >= *SAFE_SQUARES.start()
-        && simd.reduce_max_f64s(most) <= *SAFE_SQUARES.end()
-        && simd.reduce_sum_f64s(odd) == 0.0
+    safety.is_given()
 }
 
 /// Hands over the place and the law of every spring; slots without one have no stiffness.

@@ -1,12 +1,11 @@
 //! Dashpots along runs, several at once.
 
 use crate::lanes::{
-    Ends, Lanes, add_to_ends, differences, dots, lanes_at, set_vector_at, slots, vector_at,
+    Ends, Lanes, Safety, add_to_ends, differences, dots, lanes_at, set_vector_at, slots, vector_at,
 };
 use crate::run::{LANES, Run};
 use nalgebra::Vector3;
 use pulp::{Arch, Simd, WithSimd};
-use springs_math::SAFE_SQUARES;
 use springs_math::dashpot::{self, Dashpot};
 
 /// c of dashpots along runs, slot by slot, in N·s/m; zero where a slot has none.
@@ -181,21 +180,15 @@ fn heats_of<S: Simd>(simd: S, state: [[&Ends; 2]; 2], damping: &Lanes) -> Lanes 
 /// Makes c (w·Δx)/l² of w·Δx; says whether all l² are safe and all results are finite.
 #[inline(always)]
 fn divide<S: Simd>(simd: S, squares: &Lanes, damping: &Lanes, factors: &mut Lanes) -> bool {
-    let one = simd.splat_f64s(1.0);
-    let (mut least, mut most, mut odd) = (one, one, simd.splat_f64s(0.0));
+    let mut safety = Safety::new(simd);
     let (squares, _) = S::as_simd_f64s(squares);
     let (damping, _) = S::as_simd_f64s(damping);
     let (factors, _) = S::as_mut_simd_f64s(factors);
     for (factor, (&square, &c)) in factors.iter_mut().zip(squares.iter().zip(damping)) {
         *factor = simd.div_f64s(simd.mul_f64s(c, *factor), square);
-        least = simd.min_f64s(least, square);
-        most = simd.max_f64s(most, square);
-        // Zero, unless it is infinite or not a number.
-        odd = simd.add_f64s(odd, simd.sub_f64s(*factor, *factor));
+        safety.note(square, *factor);
     }
-    simd.reduce_min_f64s(least) >= *SAFE_SQUARES.start()
-        && simd.reduce_max_f64s(most) <= *SAFE_SQUARES.end()
-        && simd.reduce_sum_f64s(odd) == 0.0
+    safety.is_given()
 }
 
 /// The same where one of the dashpots is very short or long, or something is not a finite
