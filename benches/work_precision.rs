@@ -90,8 +90,8 @@ fn seconds_at(study: &Study, method: &str, error: f64) -> Option<f64> {
 }
 
 /// Every run of `auto`: time over that of the best method at the same error,
-/// and error over tolerance.
-fn judge_auto(study: &Study) {
+/// and error over tolerance; prints them and adds them to `judged`.
+fn judge_auto(study: &Study, judged: &mut Vec<[f64; 2]>) {
     let mut methods: Vec<&str> = study.trials.iter().map(|t| t.method.as_str()).collect();
     methods.sort_unstable();
     methods.dedup();
@@ -105,14 +105,34 @@ fn judge_auto(study: &Study) {
             .filter_map(|method| Some((seconds_at(study, method, run.error)?, method)))
             .min_by(|a, b| a.0.total_cmp(&b.0));
         if let Some((seconds, method)) = best {
+            let (times, off) = (run.seconds / seconds, run.error / tolerance);
             println!(
-                "  auto {tolerance:.1e}: {:.2} x {method}, error {:.1e} x tolerance, {:.1e} s",
-                run.seconds / seconds,
-                run.error / tolerance,
+                "  auto {tolerance:.1e}: {times:.2} x {method}, error {off:.1e} x tolerance, {:.1e} s",
                 run.seconds
             );
+            judged.push([times, off]);
         }
     }
+}
+
+/// What [`judge_auto`] found of all scenes.
+fn summarize(judged: &[[f64; 2]]) {
+    let mut times: Vec<f64> = judged.iter().map(|[times, _]| *times).collect();
+    times.sort_by(f64::total_cmp);
+    let Some(last) = times.len().checked_sub(1) else {
+        return;
+    };
+    let at = |part: f64| times[(part * last as f64).round() as usize];
+    let n_within = judged.iter().filter(|[_, off]| *off <= 1.0).count();
+    println!(
+        "\nauto in {} runs: {:.2} x the best in the median, {:.2} in three of four, {:.2} in nine \
+         of ten, {:.2} at most; error below the tolerance in {n_within}",
+        times.len(),
+        at(0.5),
+        at(0.75),
+        at(0.9),
+        at(1.0)
+    );
 }
 
 /// Velocity Verlet as it is usually written first: springs one after the other,
@@ -197,6 +217,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         "| scene | error, m | quickest, s | method | note's step, s | Verlet, s | plain Verlet, s |"
     );
     println!("| --- | --- | --- | --- | --- | --- | --- |");
+    let mut judged = Vec::new();
     for scene in scenes() {
         let study = match study(&scene, &options, &mut |_| ControlFlow::Continue(())) {
             Ok(study) => study,
@@ -208,7 +229,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let file = scene.name.replace([',', ' '], "-").replace("--", "-");
         std::fs::write(folder.join(format!("{file}.svg")), diagram(&study))?;
         std::fs::write(folder.join(format!("{file}.csv")), csv(&study))?;
-        judge_auto(&study);
+        judge_auto(&study, &mut judged);
         for error in [1e-2, 1e-4] {
             let best = quickest(&study, error, None);
             let of = |method| quickest(&study, error, Some(method)).map(|trial| trial.seconds);
@@ -223,6 +244,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             );
         }
     }
+    summarize(&judged);
     println!("\ndiagrams and tables are in {}", folder.display());
     Ok(())
 }

@@ -4,7 +4,7 @@ use crate::drag::Drag;
 use crate::elements::{Element, PointMasses, SpringMasses};
 use crate::gravity::Gravity;
 use crate::laws::{fading, springs_that_break, springs_with_laws};
-use crate::rows::sorted_by_rows;
+use crate::sorting::sorted_by_rows;
 use crate::springs::Merged;
 use crate::system::Couplings;
 use crate::{

@@ -143,12 +143,8 @@ impl WithSimd for AddForces<'_> {
         self.numbers.each_lanes(self.runs, |at, law, _| {
             let ends = at.map(|at| lanes_at(self.x, at));
             let forces = forces_of(simd, ends, law);
-            add_to_ends(
-                simd,
-                self.forces,
-                at.map(|block| block - self.first),
-                &forces,
-            );
+            let sums = at.map(|block| block - self.first);
+            add_to_ends(simd, self.forces, sums, &forces);
         });
     }
 }
@@ -200,12 +196,8 @@ impl WithSimd for AddProducts<'_> {
             for product in &mut products {
                 *product *= weight;
             }
-            add_to_ends(
-                simd,
-                self.products,
-                at.map(|block| block - self.first),
-                &products,
-            );
+            let sums = at.map(|block| block - self.first);
+            add_to_ends(simd, self.products, sums, &products);
         });
     }
 }

@@ -1,6 +1,6 @@
 //! The sparse triplet system: symmetric 3 × 3 blocks on a pattern fixed once.
 
-use crate::rows::sorted_by_rows;
+use crate::sorting::sorted_by_rows;
 use nalgebra::{Matrix3, Vector3};
 use std::sync::Arc;
 

@@ -313,9 +313,9 @@ impl Auto {
         };
         // Where the matrix may have few terms, counts do not say how few.
         let is_counted = is_explicit && !has_few_stiff;
-        let of_counts = |counts: &Counts| {
-            let cost = costs.of_run(choice.method, counts);
-            cost.filter(|_| is_counted).unwrap_or(0.0)
+        let of_counts = |counts: &Counts| match costs.of_run(choice.method, counts) {
+            Some(cost) if is_counted => cost,
+            _ => 0.0,
         };
         let affordable = if is_explicit {
             budget

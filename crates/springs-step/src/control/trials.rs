@@ -123,7 +123,7 @@ pub(crate) struct Budget<'a> {
 /// not trusted to be smaller than the one before by more than twice what the
 /// order says: three runs have to agree. A number of steps that was not tried is
 /// taken only where errors fell as the order says twice: from four runs. It may be
-/// far more where the method tells what it leaves out, which no two runs show.
+/// up to eight times that of the last run where the method tells what all of them leave out.
 ///
 /// `None` if trial runs cost more than the budget, or if so many steps do as it takes even
 /// if errors fall as steeply as they ever do, or if a dozen

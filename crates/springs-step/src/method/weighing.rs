@@ -238,4 +238,33 @@ mod tests {
             }
         }
     }
+
+    /// Errors of velocities e h³: with the same e and longer steps they grow and are the same
+    /// ones, with a larger e and shorter steps they do not grow; with a larger e and the same
+    /// steps they are other ones.
+    #[test]
+    fn stiffness_is_found_out_anew_when_errors_are_other_ones() {
+        let system = compile(&cloth(5, Material::of_cloth())).unwrap();
+        let state = State::initial(&system);
+        let method = &mut Splitting::velocity_verlet(&system);
+        let mut weighing = Weighing::new(&system, 2);
+        let shortest = 0.1 / system.frequency_bound();
+        let mut is_found_out = |e: f64, longer: f64| {
+            let h = longer * shortest;
+            let [e_x, e_v] = weighing.errors();
+            e_x.fill(Vector3::repeat(1e-9));
+            e_v.fill(Vector3::repeat(e * longer.powi(3)));
+            weighing.begin(&state.v);
+            weighing.estimate(h, &state);
+            let before = weighing.stiffness.errors;
+            weighing.second_estimate(method, (&system, &state), &mut Work::default());
+            weighing.stiffness.errors != before
+        };
+        assert!(is_found_out(1e-6, 1.0));
+        assert!(!is_found_out(1e-6, 1.0));
+        assert!(!is_found_out(1e-6, 3.0));
+        assert!(!is_found_out(0.3e-6, 3.0));
+        assert!(!is_found_out(3e-6, 0.5));
+        assert!(is_found_out(3e-6, 1.0));
+    }
 }

@@ -1,7 +1,7 @@
-//! Sorting by rows.
+//! Sorting where a small number decides first.
 
-/// The items sorted, where the row of each is what decides first: by counting, and then row
-/// by row, which is short.
+/// The items in their order, in which the row of each decides first: sorted by counting, and
+/// then row by row, which are short.
 ///
 /// # Panics
 ///
