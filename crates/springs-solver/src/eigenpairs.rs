@@ -266,7 +266,8 @@ impl Krylov {
 }
 
 fn dot(x: &[f64], y: &[f64]) -> f64 {
-    crate::direct::dot_in_lanes(x, y)
+    let [product] = crate::direct::dots_in_lanes::<1, 16>([x], y);
+    product
 }
 
 fn add_multiple(y: &mut [f64], x: &[f64], a: f64) {

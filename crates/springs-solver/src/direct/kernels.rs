@@ -221,25 +221,3 @@ pub(crate) fn subtract_multiple(y: &mut [f64], x: &[f64], a: f64) {
         *y -= a * *x;
     }
 }
-
-/// xᵀy, in lanes so that the order of the sum is that of the vector unit.
-#[inline(always)]
-pub(crate) fn dot_in_lanes(x: &[f64], y: &[f64]) -> f64 {
-    const LANES: usize = 16;
-    let mut sums = [0.0; LANES];
-    let (xs, x_rest) = x.as_chunks::<LANES>();
-    let (ys, y_rest) = y.as_chunks::<LANES>();
-    for (x, y) in xs.iter().zip(ys) {
-        for lane in 0..LANES {
-            sums[lane] += x[lane] * y[lane];
-        }
-    }
-    let mut sum = 0.0;
-    for lane in sums {
-        sum += lane;
-    }
-    for (x, y) in x_rest.iter().zip(y_rest) {
-        sum += *x * *y;
-    }
-    sum
-}

@@ -1,5 +1,6 @@
 //! Direct solution: an order of elimination, and a factor.
 
+mod columns;
 mod failure;
 mod front;
 mod fronts;
@@ -12,8 +13,8 @@ mod registers;
 mod substitution;
 mod tree;
 
+pub(crate) use self::columns::dots_in_lanes;
 pub use self::indefinite::{Indefinite, Inertia};
-pub(crate) use self::kernels::dot_in_lanes;
 
 use self::failure::NoFactor;
 use self::front::Values;

@@ -1,7 +1,7 @@
 //! Solution with the factor of a multifrontal factorization.
 
+use super::columns::{solve, solve_transposed};
 use super::fronts::Fronts;
-use super::kernels::{dot_in_lanes, subtract_multiple};
 use super::layout::Layout;
 use crate::storage::zeros;
 use springs_threads::{in_parallel_with, largest_first, threads_here, with_threads};
@@ -174,11 +174,7 @@ impl<const D: usize> View<'_, D> {
         let height = self.gather(front);
         let y = &mut self.gathered[..height];
         let panel = &self.factor[self.panel_starts[front]..self.panel_starts[front + 1]];
-        for (k, column) in panel.chunks_exact(height).enumerate() {
-            let value = y[k] / column[k];
-            y[k] = value;
-            subtract_multiple(&mut y[k + 1..], &column[k + 1..], value);
-        }
+        solve::<D>(panel, y);
         self.scatter(front, true);
     }
 
@@ -187,9 +183,7 @@ impl<const D: usize> View<'_, D> {
         let height = self.gather(front);
         let y = &mut self.gathered[..height];
         let panel = &self.factor[self.panel_starts[front]..self.panel_starts[front + 1]];
-        for (k, column) in panel.chunks_exact(height).enumerate().rev() {
-            y[k] = (y[k] - dot_in_lanes(&y[k + 1..], &column[k + 1..])) / column[k];
-        }
+        solve_transposed::<D>(panel, y);
         self.scatter(front, false);
     }
 
