@@ -5,6 +5,7 @@ use super::rows::Rows;
 use super::stretches::parts;
 use crate::Interrupt;
 use crate::block::{add_multiple, dot};
+use pulp::Arch;
 use springs_threads::share_out;
 
 /// How a solution ended.
@@ -142,18 +143,23 @@ impl<const D: usize> ConjugateGradients<D> {
 
         let (residual, preconditioned) = (&self.residual, &self.preconditioned);
         let curvatures = share_out(tasks, |(((rows, d), product), x)| {
-            let mut curvature = 0.0;
-            for (row, ((d, product), x)) in rows.zip(d.iter_mut().zip(product).zip(x)) {
-                let (z, r) = (&preconditioned[row], &residual[row]);
-                let change = matrix.lower_row(row, 0, change);
-                for axis in 0..D {
-                    x[axis] += length * d[axis];
-                    d[axis] = z[axis] + contraction * d[axis];
-                    product[axis] = r[axis] + change[axis] + contraction * product[axis];
-                }
-                curvature += dot(d, product);
-            }
-            curvature
+            Arch::new().dispatch(
+                #[inline(always)]
+                || {
+                    let mut curvature = 0.0;
+                    for (row, ((d, product), x)) in rows.zip(d.iter_mut().zip(product).zip(x)) {
+                        let (z, r) = (&preconditioned[row], &residual[row]);
+                        let change = matrix.lower_row(row, 0, change);
+                        for axis in 0..D {
+                            x[axis] += length * d[axis];
+                            d[axis] = z[axis] + contraction * d[axis];
+                            product[axis] = r[axis] + change[axis] + contraction * product[axis];
+                        }
+                        curvature += dot(d, product);
+                    }
+                    curvature
+                },
+            )
         });
         curvatures.iter().sum()
     }

@@ -5,6 +5,7 @@ use crate::SolveError;
 use crate::block::{Rounding, add, dot, invert, subtract, times, times_transposed, transposed};
 use crate::ordering::by_breadth;
 use crate::storage::filled;
+use pulp::Arch;
 use springs_threads::share_out;
 use std::ops::Range;
 
@@ -199,10 +200,23 @@ impl<const P: usize, const Q: usize> Rows<P, Q> {
     /// Columns in a row of L, and the blocks of Lᵀ there.
     #[inline(always)]
     fn row(&self, row: usize) -> impl Iterator<Item = (usize, &[f64; Q])> {
-        let entries = self.starts[row]..self.starts[row + 1];
-        let columns = &self.columns[entries.clone()];
-        let blocks = &self.blocks[entries];
+        let (columns, blocks) = self.entries(row);
         columns.iter().map(|&column| column as usize).zip(blocks)
+    }
+
+    /// The same from the last one to the first.
+    #[inline(always)]
+    fn row_backwards(&self, row: usize) -> impl Iterator<Item = (usize, &[f64; Q])> {
+        let (columns, blocks) = self.entries(row);
+        let blocks = &blocks[..columns.len()];
+        let entries = (0..columns.len()).rev();
+        entries.map(move |entry| (columns[entry] as usize, &blocks[entry]))
+    }
+
+    #[inline(always)]
+    fn entries(&self, row: usize) -> (&[u32], &[[f64; Q]]) {
+        let entries = self.starts[row]..self.starts[row + 1];
+        (&self.columns[entries.clone()], &self.blocks[entries])
     }
 
     /// One row of L x, of which x begins at some block.
@@ -238,15 +252,20 @@ impl<const P: usize, const Q: usize> Rows<P, Q> {
         r: &[[f64; D]],
         Window { at, x, rest }: Window<'_, D>,
     ) {
-        for (row, r) in rows.zip(r) {
-            let mut sum = *r;
-            subtract(&mut sum, self.lower_row(row, at, x));
-            let here = times(&inverses[row], &sum);
-            (x[row - at], rest[row - at]) = (here, [0.0; D]);
-            for (column, block) in self.row(row) {
-                subtract(&mut rest[column - at], times(block, &here));
-            }
-        }
+        Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                for (row, r) in rows.zip(r) {
+                    let mut sum = *r;
+                    subtract(&mut sum, self.lower_row(row, at, x));
+                    let here = times(&inverses[row], &sum);
+                    (x[row - at], rest[row - at]) = (here, [0.0; D]);
+                    for (column, block) in self.row(row) {
+                        subtract(&mut rest[column - at], times(block, &here));
+                    }
+                }
+            },
+        );
     }
 
     /// Solves (D + Lᵀ) z = r − L x in some rows, of which r and z are. The rest, which began
@@ -258,22 +277,29 @@ impl<const P: usize, const Q: usize> Rows<P, Q> {
         (r, z): (&[[f64; D]], &mut [[f64; D]]),
         Window { at, x, rest }: Window<'_, D>,
     ) -> f64 {
-        let mut product = 0.0;
-        for (row, (r, z)) in rows.zip(r.iter().zip(z)).rev() {
-            let mut sum = rest[row - at];
-            subtract(&mut sum, self.lower_row(row, at, x));
-            let here = times(&inverses[row], &sum);
-            for (column, block) in self.row(row) {
-                subtract(&mut rest[column - at], times(block, &here));
-            }
-            product += dot(r, &here);
-            let x = &mut x[row - at];
-            for axis in 0..D {
-                x[axis] = here[axis] - x[axis];
-            }
-            *z = here;
-        }
-        product
+        Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                let mut product = 0.0;
+                for (row, (r, z)) in rows.zip(r.iter().zip(z)).rev() {
+                    let mut sum = rest[row - at];
+                    for (column, block) in self.row_backwards(row) {
+                        subtract(&mut sum, times_transposed(block, &x[column - at]));
+                    }
+                    let here = times(&inverses[row], &sum);
+                    for (column, block) in self.row_backwards(row) {
+                        subtract(&mut rest[column - at], times(block, &here));
+                    }
+                    product += dot(r, &here);
+                    let x = &mut x[row - at];
+                    for axis in 0..D {
+                        x[axis] = here[axis] - x[axis];
+                    }
+                    *z = here;
+                }
+                product
+            },
+        )
     }
 
     /// The inverses of the diagonal blocks.
