@@ -91,6 +91,21 @@ pub trait Emitter: Send + Sync {
     /// they are.
     fn add_products(&self, at: &Evaluation<'_>, y: &[Vector3<f64>], products: &mut [Vector3<f64>]);
 
+    /// Appends numbers that all products at one state have in common; none by default.
+    fn prepare_products(&self, _at: &Evaluation<'_>, _numbers: &mut Vec<f64>) {}
+
+    /// The same as [`Self::add_products`], but for rounding, with the numbers of
+    /// [`Self::prepare_products`] for the same state.
+    fn add_prepared_products(
+        &self,
+        at: &Evaluation<'_>,
+        _numbers: &[f64],
+        y: &[Vector3<f64>],
+        products: &mut [Vector3<f64>],
+    ) {
+        self.add_products(at, y, products);
+    }
+
     /// Adds to every free block half of a bound, in N/m, on the eigenvalues of the
     /// Hessians of its terms at any positions; infinite if there is none. A spring
     /// adds its stiffness to both ends.

@@ -70,5 +70,5 @@ pub use matrix::{BlockMatrix, BlockPattern, OffDiagonal, PACKED};
 pub use motion::Motion;
 pub use prescribed::Prescribed;
 pub use springs::{SpringBetween, Springs};
-pub use system::{Linearization, System, SystemPart};
+pub use system::{Linearization, PreparedProducts, System, SystemPart};
 pub use terms::{Term, Terms};

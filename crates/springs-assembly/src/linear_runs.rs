@@ -1,6 +1,7 @@
 //! Linear springs along runs, several at once.
 
 mod linearization;
+mod prepared;
 
 use crate::Projection;
 use crate::lanes::{
@@ -464,37 +465,50 @@ pub(crate) mod tests {
             let vector = |_| Vector3::from_fn(|_, _| dice.roll() - 0.5);
             Vec::from_iter((0..1200).map(vector))
         };
-        let (mut x, v, y) = (vectors(), vectors(), vectors());
+        let (apart, v, y) = (vectors(), vectors(), vectors());
         // Two nodes that coincide.
-        x[101] = x[100];
-        for projection in [
-            Projection::None,
-            Projection::Clamp,
-            Projection::Absolute,
-            Projection::Drop,
+        let mut coincident = apart.clone();
+        coincident[101] = coincident[100];
+        for (x, projection) in [
+            (&apart, Projection::None),
+            (&apart, Projection::Clamp),
+            (&coincident, Projection::None),
+            (&coincident, Projection::Clamp),
+            (&coincident, Projection::Absolute),
+            (&coincident, Projection::Drop),
         ] {
             let at = Evaluation {
                 projection,
-                ..Evaluation::new(&x, &v, Weights::of_step(0.1))
+                ..Evaluation::new(x, &v, Weights::of_step(0.1))
             };
-            let of = |springs: &Springs, y: &[Vector3<f64>]| {
+            let mut numbers = Vec::new();
+            springs.prepare_products(&at, &mut numbers);
+            assert_eq!(numbers.is_empty(), x[100] == x[101]);
+            let of = |springs: &Springs, y: &[Vector3<f64>], numbers: Option<&[f64]>| {
                 let mut products = vec![Vector3::zeros(); numbering.n_free()];
-                springs.add_products(&at, y, &mut products);
+                match numbers {
+                    None => springs.add_products(&at, y, &mut products),
+                    Some(numbers) => {
+                        springs.add_prepared_products(&at, numbers, y, &mut products);
+                    }
+                }
                 products
             };
-            let (fast, plain) = (of(&springs, &y), of(&one_by_one, &y));
-            for (fast, plain) in fast.iter().zip(&plain) {
-                assert!((fast - plain).norm() < 1e-13 * plain.norm().max(1.0));
-            }
+            let plain = of(&one_by_one, &y, None);
             // Without what is fixed.
             let uniform = vec![Vector3::new(1.0, 2.0, 3.0); 1200];
-            let nothing = of(&springs, &uniform);
             let held = |block: usize| {
                 let ends = springs.connections_of(block);
                 ends.into_iter().any(|end| numbering.is_fixed(end))
             };
-            for (block, product) in nothing.iter().enumerate() {
-                assert!(held(block) || *product == Vector3::zeros());
+            for numbers in [None, Some(&numbers[..])] {
+                for (fast, plain) in of(&springs, &y, numbers).iter().zip(&plain) {
+                    assert!((fast - plain).norm() < 1e-13 * plain.norm().max(1.0));
+                }
+                let nothing = of(&springs, &uniform, numbers);
+                for (block, product) in nothing.iter().enumerate() {
+                    assert!(held(block) || *product == Vector3::zeros());
+                }
             }
         }
     }

@@ -4,6 +4,7 @@ use crate::anchor_works::share_out;
 use crate::connections::Connections;
 use crate::linear_runs::LinearRuns;
 use crate::matrix::{PairBlock, times};
+use crate::run::Run;
 use crate::segments::{Segment, Segments};
 use crate::sums::{Linearized, Sums};
 use crate::{
@@ -231,6 +232,37 @@ impl<L: LengthLaw + Clone> Springs<L> {
     }
 }
 
+impl<L: LengthLaw + Clone + Send + Sync> Springs<L> {
+    /// What is in runs, where their kernels can be used.
+    fn plain_runs(&self, at: &Evaluation<'_>) -> Option<&LinearRuns> {
+        let is_plain = at.carried.is_none() && at.projected.is_none();
+        self.linear_runs.as_ref().filter(|_| is_plain)
+    }
+
+    /// Adds products, in runs by what does that if there is something, and spring by spring
+    /// elsewhere.
+    fn add_products_with(
+        &self,
+        in_runs: Option<impl Fn(&[Run], (usize, &mut [Vector3<f64>])) + Send + Sync>,
+        at: &Evaluation<'_>,
+        y: &[Vector3<f64>],
+        products: &mut [Vector3<f64>],
+    ) {
+        let (runs, weight) = (self.connections.runs(), at.weights.stiffness);
+        let work = |segment: &Segment, first: usize, products: &mut [Vector3<f64>]| {
+            if let Some(add) = &in_runs {
+                add(&runs[segment.runs.clone()], (first, products));
+            }
+            for index in segment.live(in_runs.is_some()).into_iter().flatten() {
+                let (block, products) = (self.block(index, at), (first, &mut *products));
+                self.connections
+                    .add_product(index, &block, weight, y, products);
+            }
+        };
+        self.connections.segments().add_up(products, work);
+    }
+}
+
 /// What a spring gives along itself and across, in N/m.
 struct AlongAndAcross {
     separation: Separation<3>,
@@ -417,21 +449,41 @@ impl<L: LengthLaw + Clone + Send + Sync + 'static> Emitter for Springs<L> {
     }
 
     fn add_products(&self, at: &Evaluation<'_>, y: &[Vector3<f64>], products: &mut [Vector3<f64>]) {
-        let is_plain = at.carried.is_none() && at.projected.is_none();
-        let (runs, weight) = (self.connections.runs(), at.weights.stiffness);
-        let work = |segment: &Segment, first: usize, products: &mut [Vector3<f64>]| {
-            let numbers = self.linear_runs.as_ref().filter(|_| is_plain);
-            if let Some(numbers) = numbers {
-                let (runs, factors) = (&runs[segment.runs.clone()], (at.projection, weight));
+        let numbers = self.plain_runs(at);
+        let add_in_runs = numbers.map(|numbers| {
+            let factors = (at.projection, at.weights.stiffness);
+            move |runs: &[Run], (first, products): (usize, &mut [Vector3<f64>])| {
                 numbers.add_products(runs, at.x, factors, y, (first, products));
             }
-            for index in segment.live(numbers.is_some()).into_iter().flatten() {
-                let (block, products) = (self.block(index, at), (first, &mut *products));
-                self.connections
-                    .add_product(index, &block, weight, y, products);
+        });
+        self.add_products_with(add_in_runs, at, y, products);
+    }
+
+    fn prepare_products(&self, at: &Evaluation<'_>, numbers: &mut Vec<f64>) {
+        let begin = numbers.len();
+        if let Some(in_runs) = self.plain_runs(at) {
+            let factors = (at.projection, at.weights.stiffness);
+            if !in_runs.prepare(self.connections.runs(), at.x, factors, numbers) {
+                numbers.truncate(begin);
             }
+        }
+    }
+
+    fn add_prepared_products(
+        &self,
+        at: &Evaluation<'_>,
+        numbers: &[f64],
+        y: &[Vector3<f64>],
+        products: &mut [Vector3<f64>],
+    ) {
+        let in_runs = self.linear_runs.as_ref().filter(|_| !numbers.is_empty());
+        let Some(in_runs) = in_runs else {
+            return self.add_products(at, y, products);
         };
-        self.connections.segments().add_up(products, work);
+        let add_in_runs = |runs: &[Run], (first, products): (usize, &mut [Vector3<f64>])| {
+            in_runs.add_prepared(runs, numbers, y, (first, products));
+        };
+        self.add_products_with(Some(add_in_runs), at, y, products);
     }
 
     fn add_stiffness_bounds(&self, bounds: &mut [f64]) {

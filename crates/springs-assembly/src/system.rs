@@ -6,8 +6,10 @@ mod changes;
 mod energies;
 mod memory;
 mod part;
+mod products;
 
 pub use self::part::SystemPart;
+pub use self::products::PreparedProducts;
 use crate::guides::Guides;
 use crate::prescribed::Prescribed;
 use crate::{
@@ -483,21 +485,6 @@ impl System {
         let mut count = 0;
         self.each_with_carried(at, |_, emitter, at| count += emitter.count_projected(at));
         count
-    }
-
-    /// The product of the system matrix at `at` and `y` on the free blocks, term
-    /// by term instead of through the assembled matrix: what is lost there in
-    /// sums of stiffnesses far above the masses is kept here.
-    ///
-    /// # Panics
-    ///
-    /// If a slice is too short.
-    pub fn product(&self, at: &Evaluation<'_>, y: &[Vector3<f64>], product: &mut [Vector3<f64>]) {
-        for (p, (mass, y)) in product.iter_mut().zip(self.masses.iter().zip(y)) {
-            *p = y * (at.weights.mass * mass);
-        }
-        self.each_with_carried(at, |_, emitter, at| emitter.add_products(at, y, product));
-        self.guides.project(product);
     }
 
     /// Adds the product of `damping`·D and `y` on the free blocks; next to nothing to
