@@ -57,7 +57,7 @@ pub enum CheckpointFault {
 /// rest, the length of `about` in bytes, `about`, and the words, all
 /// little-endian.
 const MAGIC: &[u8] = b"springs checkpoint\n";
-const VERSION: u32 = 11;
+const VERSION: u32 = 12;
 /// Bytes of the check sum, and those before what it is of.
 const SUM: usize = 4;
 const BODY: usize = MAGIC.len() + 4 + SUM;

@@ -4,7 +4,7 @@ use crate::vectors::largest_magnitude;
 use crate::work::timed;
 use crate::{Method, State, Work};
 use nalgebra::Vector3;
-use springs_assembly::{Evaluation, Projection, System, Weights};
+use springs_assembly::{Evaluation, PreparedProducts, Projection, System, Weights};
 
 /// Solves (M + TD + T²S) y = M e: with the matrix of a method, or by conjugate
 /// gradients with the masses as preconditioner and products spring by spring.
@@ -15,6 +15,7 @@ pub(crate) struct Response {
     residual: Vec<Vector3<f64>>,
     direction: Vec<Vector3<f64>>,
     product: Vec<Vector3<f64>>,
+    prepared: PreparedProducts,
 }
 
 /// The residual may be this part of the solution: an estimate needs no more.
@@ -73,11 +74,14 @@ impl Response {
             vectors.clear();
             vectors.extend_from_slice(errors);
         }
+        timed(&mut work.phases.assembly, || {
+            system.prepare_products(&at, &mut self.prepared);
+        });
         let mut n_iterations = 0;
         while n_iterations < MOST_ITERATIONS {
             n_iterations += 1;
             timed(&mut work.phases.assembly, || {
-                system.product(&at, &self.direction, &mut self.product);
+                system.prepared_product(&at, &self.prepared, &self.direction, &mut self.product);
             });
             let products = self.direction.iter().zip(&self.product);
             let length = remaining / products.map(|(d, p)| d.dot(p)).sum::<f64>();

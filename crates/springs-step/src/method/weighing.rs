@@ -2,7 +2,7 @@
 
 use crate::implicit::response::Response;
 use crate::method::time_scale;
-use crate::vectors::{largest_change, largest_magnitude, largest_sum, spread};
+use crate::vectors::{LargestSum, largest_change, largest_magnitude, largest_sum, spread};
 use crate::{Archive, ErrorEstimate, Method, State, Work};
 use nalgebra::Vector3;
 use springs_assembly::System;
@@ -29,8 +29,8 @@ pub(crate) struct Weighing {
     velocities: Vec<Vector3<f64>>,
     errors_of_positions: Vec<Vector3<f64>>,
     errors: Vec<Vector3<f64>>,
-    /// Where the error of the last step is largest.
-    block: usize,
+    /// ‖e_x‖ + T‖e_v‖, where it is, and ‖e_x‖ and ‖e_v‖.
+    largest: LargestSum,
     step_size: f64,
     /// T, in s.
     time_scale: f64,
@@ -49,6 +49,8 @@ struct Stiffness {
     /// Estimates until it is found out anew, and when that was last done.
     pause: u32,
     last_pause: u32,
+    /// How often in a row it was found to be the same.
+    times_same: u32,
 }
 
 /// Estimates that are made with one Ω: twice as many whenever it was found to be the
@@ -61,8 +63,9 @@ const LONGEST_PAUSE: u32 = 256;
 /// It is the same within this factor.
 const SAME: f64 = 1.5;
 /// It is found out anew when errors have grown so many times, and not as they do with steps:
-/// they may be other ones.
+/// they may be other ones; twice as many whenever it was found to be the same, up to the largest.
 const GROWN: f64 = 2.0;
+const MOST_GROWN: f64 = 8.0;
 
 /// Which part of the difference between two halves of a step and the whole is the error of
 /// the halves, with a method of this order.
@@ -78,7 +81,7 @@ impl Weighing {
             velocities: vec![Vector3::zeros(); system.n_free()],
             errors_of_positions: vec![Vector3::zeros(); system.n_free()],
             errors: vec![Vector3::zeros(); system.n_free()],
-            block: 0,
+            largest: LargestSum::default(),
             step_size: 0.0,
             time_scale: 0.0,
             stiffness: Stiffness::default(),
@@ -107,15 +110,14 @@ impl Weighing {
         let n_free = self.velocities.len();
         let acceleration = largest_change(&state.v[..n_free], &self.velocities) / h;
         self.time_scale = time_scale(spread(&state.v), acceleration, h);
-        let error;
-        (self.block, error) = largest_sum(&self.errors_of_positions, self.time_scale, &self.errors);
+        self.largest = largest_sum(&self.errors_of_positions, self.time_scale, &self.errors);
         self.step_size = h;
-        self.told(error)
+        self.told(self.largest.sum)
     }
 
     /// The part ‖e_x‖, which no second estimate is below.
     pub(crate) fn least_estimate(&self) -> ErrorEstimate {
-        self.told(largest_magnitude(&self.errors_of_positions))
+        self.told(self.largest.of_each[0])
     }
 
     /// [`Self::estimate`] with w of the documentation of the type, by the matrix of `method` if
@@ -129,17 +131,18 @@ impl Weighing {
         let (h, errors) = (self.step_size, &mut self.errors);
         if let Some(damped) = self.response.by_matrix(method, at, h, errors, work) {
             std::mem::swap(damped, errors);
+            self.largest.of_each[1] = largest_magnitude(errors);
         }
-        let error = largest_magnitude(&self.errors);
-        let time = self.time_of_errors(method, at, error, work);
-        self.told(largest_magnitude(&self.errors_of_positions) + time * error)
+        let [positions, velocities] = self.largest.of_each;
+        let time = self.time_of_errors(method, at, velocities, work);
+        self.told(positions + time * velocities)
     }
 
     fn told(&self, error: f64) -> ErrorEstimate {
         ErrorEstimate {
             rate: error / self.step_size,
             exponent: f64::from(self.order),
-            block: self.block,
+            block: self.largest.block,
         }
     }
 
@@ -154,8 +157,9 @@ impl Weighing {
         let (time, last) = (self.time_scale, &mut self.stiffness);
         let errors = [1.0, self.step_size.powi(self.order as i32 + 1)].map(|power| error / power);
         last.pause = last.pause.saturating_sub(1);
+        let grown = (GROWN * 2f64.powi(last.times_same as i32)).min(MOST_GROWN);
         let mut both = errors.iter().zip(&last.errors);
-        let have_grown = both.all(|(now, last)| *now > GROWN * last);
+        let have_grown = both.all(|(now, last)| *now > grown * last);
         if error > 0.0 && (last.pause == 0 || have_grown) {
             let (response, e_v) = (&mut self.response, &self.errors);
             let (left, n_iterations) = match response.by_matrix(method, at, time, e_v, work) {
@@ -174,6 +178,7 @@ impl Weighing {
                 errors,
                 pause,
                 last_pause: pause,
+                times_same: if is_same { last.times_same + 1 } else { 0 },
             };
         }
         time.recip().hypot(last.frequency).recip()
@@ -186,6 +191,7 @@ impl Weighing {
         }
         archive.count(&mut self.stiffness.pause);
         archive.count(&mut self.stiffness.last_pause);
+        archive.count(&mut self.stiffness.times_same);
     }
 }
 
@@ -264,7 +270,11 @@ mod tests {
         assert!(!is_found_out(1e-6, 1.0));
         assert!(!is_found_out(1e-6, 3.0));
         assert!(!is_found_out(0.3e-6, 3.0));
-        assert!(!is_found_out(3e-6, 0.5));
-        assert!(is_found_out(3e-6, 1.0));
+        assert!(!is_found_out(5e-6, 0.5));
+        // Uniform errors have no frequency, which was found to be the same as at first.
+        assert!(!is_found_out(3e-6, 1.0));
+        assert!(is_found_out(5e-6, 1.0));
+        assert!(!is_found_out(30e-6, 1.0));
+        assert!(is_found_out(50e-6, 1.0));
     }
 }
