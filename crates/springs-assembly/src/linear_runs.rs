@@ -331,13 +331,19 @@ fn products_of<S: Simd>(
     for c in 0..LANES {
         along[c] *= (stiffnesses[c] - across[c]) / squares[c];
     }
-    let mut products = [0.0; 3 * LANES];
+    sums_of_multiples((&across, &dy), (&along, &dx))
+}
+
+/// a·x + b·y of every spring.
+#[inline(always)]
+fn sums_of_multiples((a, x): (&Lanes, &Ends), (b, y): (&Lanes, &Ends)) -> Ends {
+    let mut sums = [0.0; 3 * LANES];
     for c in 0..LANES {
-        products[3 * c] = across[c] * dy[3 * c] + along[c] * dx[3 * c];
-        products[3 * c + 1] = across[c] * dy[3 * c + 1] + along[c] * dx[3 * c + 1];
-        products[3 * c + 2] = across[c] * dy[3 * c + 2] + along[c] * dx[3 * c + 2];
+        sums[3 * c] = a[c] * x[3 * c] + b[c] * y[3 * c];
+        sums[3 * c + 1] = a[c] * x[3 * c + 1] + b[c] * y[3 * c + 1];
+        sums[3 * c + 2] = a[c] * x[3 * c + 2] + b[c] * y[3 * c + 2];
     }
-    products
+    sums
 }
 
 #[cold]

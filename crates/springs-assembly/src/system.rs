@@ -14,7 +14,6 @@ use crate::guides::Guides;
 use crate::prescribed::Prescribed;
 use crate::{
     BlockMatrix, BlockPattern, Emitter, Evaluation, Motion, Nature, Numbering, StiffnessKind,
-    Weights,
 };
 use nalgebra::Vector3;
 use pulp::{Arch, Simd, WithSimd};
@@ -485,26 +484,5 @@ impl System {
         let mut count = 0;
         self.each_with_carried(at, |_, emitter, at| count += emitter.count_projected(at));
         count
-    }
-
-    /// Adds the product of `damping`·D and `y` on the free blocks; next to nothing to
-    /// compute where nothing damps.
-    ///
-    /// # Panics
-    ///
-    /// If a slice is too short.
-    pub fn add_damping_product(
-        &self,
-        x: &[Vector3<f64>],
-        v: &[Vector3<f64>],
-        damping: f64,
-        y: &[Vector3<f64>],
-        product: &mut [Vector3<f64>],
-    ) {
-        let at = Evaluation::new(x, v, Weights::of_damping(damping));
-        for (_, emitter) in self.damped() {
-            emitter.add_products(&at, y, product);
-        }
-        self.guides.project(product);
     }
 }

@@ -1,6 +1,6 @@
 //! Products with the Hessians of linear springs along runs that are made many times.
 
-use super::{LinearRuns, divide};
+use super::{LinearRuns, divide, sums_of_multiples};
 use crate::Projection;
 use crate::lanes::{Ends, Lanes, add_to_ends, differences, dots, lanes_at};
 use crate::run::{LANES, Run};
@@ -129,13 +129,7 @@ impl WithSimd for AddPrepared<'_> {
             let [start, end] = at.map(|at| lanes_at(self.y, at));
             // The product is that of the block and y₀ − y₁.
             let dy = differences([end, start]);
-            let along = dots(m, &dy);
-            let mut products = [0.0; 3 * LANES];
-            for c in 0..LANES {
-                products[3 * c] = across[c] * dy[3 * c] + along[c] * m[3 * c];
-                products[3 * c + 1] = across[c] * dy[3 * c + 1] + along[c] * m[3 * c + 1];
-                products[3 * c + 2] = across[c] * dy[3 * c + 2] + along[c] * m[3 * c + 2];
-            }
+            let products = sums_of_multiples((across, &dy), (&dots(m, &dy), m));
             let sums = at.map(|block| block - self.first);
             add_to_ends(simd, self.products, sums, &products);
         });
